@@ -63,7 +63,7 @@ fn encoder_speed_and_odometry(bencher: Bencher<'_, '_>) {
 
 /// A scan with things in range of all twelve sensors, on a slope of a few degrees.
 fn scan() -> Sample {
-    let side = [40, 120, 200, 300, 150, 90].map(count);
+    let side = [40, 120, 200, 300, 150, 90, 0, 0].map(count);
     let tilt = [count(540), count(500)];
     Sample::Adc(AdcSample { ir_front: side, ir_rear: side, tilt, pistons: [500, 520, 480, 512].map(count) })
 }

@@ -41,6 +41,9 @@ pub mod kind {
     pub const IDENTITY: u8 = 0x15;
     /// Board, if [asked](ASK): seven u16, a sample of the inertial unit at the board.
     pub const IMU: u8 = 0x16;
+    /// Board, if [asked](ASK), in place of [`ADC`]: its nineteen u16, then the seventh and eighth range finder of the
+    /// front and of the rear bumper.
+    pub const WIDE_ADC: u8 = 0x17;
     /// Agent: [`Setup`](super::Setup).
     pub const SETUP: u8 = 0x18;
     /// Agent: u16, channels of the receiver to reset.
@@ -65,6 +68,9 @@ pub mod ask {
     pub const IDENTITY: u16 = 1;
     /// [`IMU`](super::kind::IMU) frames from now on; without the bit, none.
     pub const IMU: u16 = 2;
+    /// [`WIDE_ADC`](super::kind::WIDE_ADC) frames in place of [`ADC`](super::kind::ADC) from now on; without the bit,
+    /// those.
+    pub const WIDE_SCAN: u16 = 4;
 }
 
 #[cfg(feature = "wide-crc")]
@@ -79,7 +85,7 @@ pub fn crc32(bytes: &[u8]) -> u32 {
 }
 
 /// Type, sequence, the longest payload, CRC.
-pub const MAX_BODY: usize = 2 + 38 + 4;
+pub const MAX_BODY: usize = 2 + 46 + 4;
 /// The longest frame on the line: one COBS overhead byte and the delimiter.
 pub const MAX_FRAME: usize = MAX_BODY + 2;
 /// Pulse lengths that a PWM frame may carry, in counts of 0.4 µs: 4.2 % to 9.5 % of 22.2 ms.

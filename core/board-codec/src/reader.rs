@@ -44,7 +44,7 @@ pub struct Content {
 }
 
 impl Content {
-    /// What it carries, at most 38 bytes.
+    /// What it carries, at most 46 bytes.
     #[must_use]
     #[inline]
     pub fn payload(&self) -> &[u8] {

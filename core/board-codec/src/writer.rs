@@ -25,7 +25,7 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// The next frame of this direction, with at most 19 numbers.
+    /// The next frame of this direction, with at most 23 numbers.
     ///
     /// # Panics
     /// If the payload is longer than any frame's.

@@ -29,7 +29,7 @@ use crate::remote::{RemoteStage, Selector, Stick};
 use crate::speed::{Direction, SpeedPid, wheel_rpm};
 use crate::tilt::{TiltAngles, tilt_angles};
 use crate::tpu::ResetMask;
-use crate::units::{PwmCount, Stamp, Steering, WheelRpm};
+use crate::units::{PwmCount, Stamp, Steering};
 use crate::vehicle::{Line, Platform, VehicleConfig};
 use crate::wander::WanderStage;
 
@@ -93,8 +93,8 @@ impl Controller {
             travel_m: 0.0,
             front: Bumper::default(),
             rear: Bumper::default(),
-            ir_front_cm: [None; 6],
-            ir_rear_cm: [None; 6],
+            ir_front_cm: BumperRanges::default(),
+            ir_rear_cm: BumperRanges::default(),
             obstacle: ObstacleState::default(),
             goto: None,
             decision: None,
@@ -253,8 +253,10 @@ impl Controller {
                 self.wander = Some(stage);
                 self.demand(stage.reference_rpm(&self.config.wander));
             }
-            Command::Teleop { rpm, steering } => self.drive(Mode::Teleop, *rpm, *steering),
-            Command::Follow { rpm, steering } => self.drive(Mode::Goto, *rpm, *steering),
+            Command::Teleop { rpm, steering } => {
+                self.drive(Mode::Teleop, self.config.by_hand_rpm(rpm.get()), *steering);
+            }
+            Command::Follow { rpm, steering } => self.drive(Mode::Goto, rpm.get(), *steering),
         }
         if self.config.speed.reset_on_change && self.mode != before {
             self.speed.reset();
@@ -262,11 +264,11 @@ impl Controller {
     }
 
     /// The level above has decided speed and steering itself. The same again changes nothing.
-    fn drive(&mut self, mode: Mode, rpm: WheelRpm, steering: Steering) {
+    fn drive(&mut self, mode: Mode, rpm: f64, steering: Steering) {
         self.mode = mode;
         self.steer_fraction(steering);
-        self.demand(rpm.get());
-        if rpm.get() == 0.0 {
+        self.demand(rpm);
+        if rpm == 0.0 {
             self.hold();
         }
     }
@@ -314,10 +316,13 @@ impl Controller {
         }
     }
 
-    /// Whether an obstacle lies in the driving direction. Wander's reversing has a rule of its own.
+    /// Whether an obstacle lies in the driving direction, or nobody looks there: neither a range finder nor a person who
+    /// drives. Wander's reversing has a rule of its own for obstacles.
     fn blocked(&self) -> bool {
+        let (demanded, by_hand) = (self.demanded(), matches!(self.mode, Mode::Manual | Mode::Teleop));
+        let is_seen = by_hand || self.config.range_finders.gears().allow(demanded);
         let reversing_in_wander = self.mode == Mode::Wander && self.reference_rpm < 0.0;
-        !reversing_in_wander && self.obstacle.blocks(self.demanded())
+        !is_seen || (!reversing_in_wander && self.obstacle.blocks(demanded))
     }
 
     /// Mode idle: stopped and centred.

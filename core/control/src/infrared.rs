@@ -6,14 +6,14 @@
 
 use crate::gp2d12::fit_cm;
 use crate::units::AdcCount;
-use crate::vehicle::{BumperFinders, Infrared};
+use crate::vehicle::{BumperFinders, Infrared, SLOTS};
 
 /// Between neighbours of an XTB's range finders, in m (§2.2).
 pub const SPACING_M: f64 = 0.07;
 
 /// Horizontal distances of one bumper in cm, left to right, each along its beam; `None` = nothing in range, or
 /// nothing fitted.
-pub type BumperRanges = [Option<f64>; 6];
+pub type BumperRanges = [Option<f64>; SLOTS];
 
 /// Length of the hypotenuse in cm that one reading of a GP2D12 stands for.
 #[must_use]
@@ -34,7 +34,7 @@ pub fn bumper_ranges(
     config: &Infrared,
     fitted: &BumperFinders,
     angle_deg: f64,
-    readings: &[AdcCount; 6],
+    readings: &[AdcCount; SLOTS],
 ) -> BumperRanges {
     let cos = libm::cos(angle_deg.to_radians());
     std::array::from_fn(|slot| {

@@ -7,7 +7,7 @@
 
 use crate::infrared::BumperRanges;
 use crate::units::Stamp;
-use crate::vehicle::{BumperFinders, Obstacle, RangeFinder};
+use crate::vehicle::{BumperFinders, Obstacle, RangeFinder, SLOTS};
 
 /// Which bumpers see an obstacle; four states (§4.6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -36,7 +36,7 @@ struct Sensor {
 /// The sensors of one bumper.
 #[derive(Debug, Clone, Default)]
 pub struct Bumper {
-    sensors: [Sensor; 6],
+    sensors: [Sensor; SLOTS],
 }
 
 impl Bumper {
@@ -93,14 +93,14 @@ impl Sensor {
 mod tests {
     use super::*;
 
-    const FAR: BumperRanges = [None; 6];
+    const FAR: BumperRanges = [None; SLOTS];
 
     fn six() -> BumperFinders {
         BumperFinders::default()
     }
 
     fn one(cm: f64) -> BumperRanges {
-        [None, None, Some(cm), None, None, None]
+        [None, None, Some(cm), None, None, None, None, None]
     }
 
     #[test]
@@ -150,7 +150,7 @@ mod tests {
                 &config,
                 &fitted,
                 Stamp::ZERO,
-                &[Some(first), second, Some(1.0), None, None, None],
+                &[Some(first), second, Some(1.0), None, None, None, None, None],
                 0.0,
             )
         };

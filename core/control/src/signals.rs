@@ -10,6 +10,7 @@ use crate::remote::{Duties, RemoteSample};
 use crate::tilt::TiltAngles;
 use crate::tpu::ResetMask;
 use crate::units::{AdcCount, PwmCount, Stamp, Steering, WheelRpm};
+use crate::vehicle::SLOTS;
 use serde::{Deserialize, Serialize};
 
 /// Raw Euler angles of the gyro, 360/65536 deg each.
@@ -23,13 +24,13 @@ pub struct GyroSample {
     pub yaw: i16,
 }
 
-/// One scan of the converter.
+/// One scan of the converter. Channels that the board's frame does not hold read 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AdcSample {
     /// Front bumper, left to right.
-    pub ir_front: [AdcCount; 6],
+    pub ir_front: [AdcCount; SLOTS],
     /// Rear bumper, left to right seen from above with the truck pointing up.
-    pub ir_rear: [AdcCount; 6],
+    pub ir_rear: [AdcCount; SLOTS],
     /// Tilt sensor x (pitch) and y (roll), means of 64 scans.
     pub tilt: [AdcCount; 2],
     /// Piston positions FL, FR, RL, RR, means of 64 scans.

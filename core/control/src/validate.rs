@@ -25,7 +25,7 @@ impl VehicleConfig {
             ("wander.reference_rpm", self.wander.reference_rpm),
             ("teleop.max_rpm", self.teleop.max_rpm),
         ] {
-            if rpm > admitted_rpm {
+            if rpm > admitted_rpm && self.range_finders.gears().is_any() {
                 return Err(ConfigError::Conflict {
                     name: name.into(),
                     value: format!("{rpm:?}"),

@@ -6,14 +6,16 @@
 
 mod calibration;
 mod drivetrain;
+mod gears;
 mod imu;
 mod range_finders;
 mod sections;
 
 pub use calibration::Line;
 pub use drivetrain::Drivetrain;
+pub use gears::{Gears, UNSEEN_MPS};
 pub use imu::{Imu, ImuYaw};
-pub use range_finders::{BumperFinders, RangeFinder, SLOTS};
+pub use range_finders::{BumperFinders, RangeFinder, SLOTS, USUAL_SLOTS};
 pub use sections::*;
 
 use crate::config::{
@@ -204,15 +206,15 @@ impl VehicleConfig {
 
     /// The fastest speed that the obstacle rule can stop from without contact, in m/s: what is left
     /// of the threshold, or of the sensors' sight if that is shorter, above their blind zone, over the
-    /// reaction time of the whole path; by the worst of the range finders, and none without any.
+    /// reaction time of the whole path; by the worst of the range finders, and [`UNSEEN_MPS`] without any.
     #[must_use]
     pub fn admitted_mps(&self) -> f64 {
         let tilt_deg = self.bumpers.front_deg.abs().max(self.bumpers.rear_deg.abs());
         let cos = libm::cos(tilt_deg.to_radians());
         let RangeFinders { front, rear } = &self.range_finders;
         let rooms_cm = front.0.iter().chain(&rear.0).map(|f| f.room_cm(&self.infrared, &self.obstacle, cos));
-        let room_m = rooms_cm.reduce(f64::min).unwrap_or(0.0) / 100.0;
-        room_m.max(0.0) / self.obstacle.reaction_s
+        let worst_cm = rooms_cm.reduce(f64::min);
+        worst_cm.map_or(UNSEEN_MPS, |room_cm| (room_cm / 100.0).max(0.0) / self.obstacle.reaction_s)
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::hint::black_box;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::goto::Goal;
-use xtb_control::vehicle::{GotoLaw, Platform};
+use xtb_control::vehicle::{GotoLaw, Platform, SLOTS};
 use xtb_control::{AdcCount, Command, Controller, Mode, Sample, Stamp, Steering, VehicleConfig, WheelRpm};
 
 type Failure = Box<dyn std::error::Error>;
@@ -15,7 +15,7 @@ fn scan(front: f64, rear: f64, tilt: f64) -> Result<Sample, Failure> {
         (AdcCount::try_from(front)?, AdcCount::try_from(rear)?, AdcCount::try_from(tilt)?);
     let pistons =
         [0.0, 300.0, 512.0, 1023.0].map(|count| AdcCount::try_from(count).unwrap_or(AdcCount::ZERO));
-    Ok(Sample::Adc(AdcSample { ir_front: [front; 6], ir_rear: [rear; 6], tilt: [tilt; 2], pistons }))
+    Ok(Sample::Adc(AdcSample { ir_front: [front; SLOTS], ir_rear: [rear; SLOTS], tilt: [tilt; 2], pistons }))
 }
 
 fn remote(speed: Option<u32>, selector: Option<u32>) -> Sample {

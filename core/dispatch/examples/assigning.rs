@@ -13,10 +13,10 @@ use std::time::Instant;
 use xtb_dispatch::OpenTravelCost;
 use xtb_dispatch::assign::{Candidate, Demand, assign};
 use xtb_nav::rooms::Draw;
-use xtb_nav::{Car, MapPose};
+use xtb_nav::{Car, Gears, MapPose};
 use xtb_protocol::messages::{TaskId, Waypoint};
 
-const CAR: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4 };
+const CAR: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4, gears: Gears::BOTH };
 const ROBOTS: [usize; 7] = [10, 20, 50, 100, 200, 500, 1000];
 const TASKS: [usize; 3] = [100, 1000, 10_000];
 const COLOURS: [RGBColor; 3] = [RGBColor(0, 0x72, 0xb2), RGBColor(0xe6, 0x9f, 0), RGBColor(0xd5, 0x5e, 0)];

@@ -5,7 +5,7 @@ mod flood_distances;
 use flood_distances::FloodDistances;
 use std::f64::consts::{PI, TAU};
 use xtb_nav::geometry::reeds_shepp;
-use xtb_nav::{Car, Cell, Map, MapPose};
+use xtb_nav::{Car, Cell, Gears, Map, MapPose};
 use xtb_protocol::messages::{DispatchCode, Waypoint};
 use xtb_traffic::coordinator::GridRoom;
 
@@ -40,7 +40,8 @@ pub struct OpenTravelCost;
 
 /// A robot that has not said what car it is: a point that turns nearly on the spot, so that nothing is ruled out
 /// for it. Its own planner decides.
-pub const ANY_CAR: Car = Car { front_m: 0.0, rear_m: 0.0, half_width_m: 0.0, radius_m: 0.1 };
+pub const ANY_CAR: Car =
+    Car { front_m: 0.0, rear_m: 0.0, half_width_m: 0.0, radius_m: 0.1, gears: Gears::BOTH };
 
 /// From so many turning radii on, one bend and a straight are as good as any way to a point.
 const FAR_RADII: f64 = 4.0;

@@ -10,9 +10,10 @@ use flood::Reachable;
 use std::time::Instant;
 use xtb_nav::planner::space::{Layers, LookOut};
 use xtb_nav::rooms::{Draw, Room};
-use xtb_nav::{Car, Goal, GridSpace, MapPose, PlanError, Planner, PlannerSettings, Space};
+use xtb_nav::{Car, Gears, Goal, GridSpace, MapPose, PlanError, Planner, PlannerSettings, Space};
 
-const TRUCK: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393 };
+const TRUCK: Car =
+    Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393, gears: Gears::BOTH };
 
 fn main() {
     let mut numbers = std::env::args().skip(1).map(|text| text.parse::<u64>().unwrap());

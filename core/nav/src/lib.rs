@@ -42,3 +42,4 @@ pub use planner::space::{GridSpace, Space};
 pub use planner::{Goal, Plan, PlanError, Planner, PlannerSettings};
 pub use settings::NavSettings;
 pub use xtb_control::frames::MapPose;
+pub use xtb_control::vehicle::Gears;

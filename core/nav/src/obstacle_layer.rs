@@ -41,6 +41,7 @@ use swept::Swept;
 use thin_obstacles::{BROAD_M, ThinObstacles};
 use xtb_control::infrared::BumperRanges;
 use xtb_control::units::Stamp;
+use xtb_control::vehicle::SLOTS;
 
 /// So far beside a hit something that is known explains it, in m; chosen, not measured.
 const EXPLAINED_M: f64 = 0.12;
@@ -80,7 +81,7 @@ pub struct ObstacleLayer {
     thin: ThinObstacles,
     /// Where nothing thin stood, while something thin is near.
     swept: Swept,
-    foldback: [Foldback; 12],
+    foldback: [Foldback; 2 * SLOTS],
     fades_ms: u64,
     fades_beside_ms: u64,
 }
@@ -120,7 +121,7 @@ impl ObstacleLayer {
             free: FreeCells::new(grid, Self::MOST_FREE),
             thin: ThinObstacles::default(),
             swept: Swept::default(),
-            foldback: [Foldback::default(); 12],
+            foldback: [Foldback::default(); 2 * SLOTS],
             fades_ms: Self::FADES_MS,
             fades_beside_ms: Self::FADES_BESIDE_MS,
         }
@@ -156,8 +157,8 @@ impl ObstacleLayer {
         self.thin.fade(now, Self::DOUBTFUL_MS);
         let known_m = (EXPLAINED_M + 2.0 * scan.sigma_m).clamp(EXPLAINED_M, MOST_EXPLAINED_M);
         let beams = beams(&self.sight, &self.car, &scan.pose);
-        let readings: [BeamReading; 12] = std::array::from_fn(|i| {
-            let range = if i < 6 { scan.front_cm[i] } else { scan.rear_cm[i - 6] };
+        let readings: [BeamReading; 2 * SLOTS] = std::array::from_fn(|i| {
+            let range = if i < SLOTS { scan.front_cm[i] } else { scan.rear_cm[i - SLOTS] };
             beams[i].map_or(BeamReading::Unfitted, |beam| self.foldback[i].interpret(&beam, range))
         });
         let known = |point: [f64; 2]| {
@@ -194,7 +195,7 @@ impl ObstacleLayer {
         &mut self,
         now: Stamp,
         beam: &Beam,
-        readings: &[BeamReading; 12],
+        readings: &[BeamReading; 2 * SLOTS],
         n: usize,
         (known_m, known): (f64, &dyn Fn([f64; 2]) -> bool),
     ) {
@@ -236,7 +237,7 @@ impl ObstacleLayer {
         self.free.clear();
         self.thin.clear();
         self.swept.clear();
-        self.foldback = [Foldback::default(); 12];
+        self.foldback = [Foldback::default(); 2 * SLOTS];
     }
 
     /// Whether something has shown lately that nothing stands there.
@@ -337,7 +338,7 @@ impl ObstacleLayer {
     #[must_use]
     pub fn folded(&self) -> Option<f64> {
         let folded = self.foldback.iter().position(Foldback::may_fold);
-        folded.map(|sensor| if sensor < 6 { 1.0 } else { -1.0 })
+        folded.map(|sensor| if sensor < SLOTS { 1.0 } else { -1.0 })
     }
 
     /// How many obstacles had to go for newer ones.

@@ -124,6 +124,9 @@ impl NavSettings {
     /// [`ConfigError::Conflict`] naming the speed and what would be allowed.
     pub fn validate_for(&self, vehicle: &VehicleConfig) -> Result<(), ConfigError> {
         let (admitted_mps, cm) = (vehicle.admitted_mps(), vehicle.obstacle.threshold_cm);
+        if !vehicle.range_finders.gears().is_any() {
+            return Ok(()); // it drives by hand only
+        }
         for (name, mps, most_mps, whom) in [
             ("navigation.drive.cruise_mps", self.drive.cruise_mps, admitted_mps, "stops"),
             (

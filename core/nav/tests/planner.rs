@@ -9,10 +9,12 @@ use xtb_nav::planner::End;
 use xtb_nav::planner::space::{Hit, Layers, LookOut, What};
 use xtb_nav::rooms::{Draw, Room};
 use xtb_nav::{
-    Car, Cell, Goal, Grid, GridSpace, MapPose, Path, Plan, PlanError, Planner, PlannerSettings, Space,
+    Car, Cell, Gears, Goal, Grid, GridSpace, MapPose, Path, Piece, Plan, PlanError, Planner, PlannerSettings,
+    Space,
 };
 
-const TRUCK: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393 };
+const TRUCK: Car =
+    Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393, gears: Gears::BOTH };
 
 fn on(grid: &Grid, look_out: LookOut) -> GridSpace {
     GridSpace::new(&Layers::map(grid), TRUCK, look_out).unwrap()
@@ -257,4 +259,28 @@ fn settings_that_make_no_search_are_refused() {
     assert!(refused(|settings| settings.lattices[0].headings = 50));
     assert!(refused(|settings| settings.heuristic_weight = f64::NAN));
     assert!(!refused(|_| ()));
+}
+
+#[test]
+fn a_car_that_looks_one_way_only_is_never_driven_the_other_way() {
+    let grid = Room::Cluttered.grid(1);
+    let settings = PlannerSettings::default();
+    for gears in [Gears { ahead: true, astern: false }, Gears { ahead: false, astern: true }] {
+        let space = GridSpace::new(&Layers::map(&grid), Car { gears, ..TRUCK }, LookOut::TRUCK).unwrap();
+        let (mut planner, mut draw, mut found) = (Planner::new(), Draw::new(7), 0);
+        for _ in 0..40 {
+            let (start, goal) = (draw.free_pose(&space).unwrap(), draw.free_pose(&space).unwrap());
+            let goal = Goal { yaw_rad: None, tolerance_m: 0.05, ..Goal::exactly(&goal) };
+            if let Ok(plan) = planner.plan_on_grid(&space, &start, &goal, &settings, &mut || true) {
+                proven(&space, &plan.path, &start, &goal);
+                assert!(plan.path.pieces.iter().all(|piece| gears.allow(piece.length_m)), "{:?}", plan.path);
+                found += 1;
+            }
+        }
+        assert!(found >= 20, "{gears:?}: {found} of 40");
+        let straight = Piece { length_m: if gears.ahead { -0.1 } else { 0.1 }, curvature_per_m: 0.0 };
+        let start = draw.free_pose(&space).unwrap();
+        assert!(!space.drives(&start, &straight) && !space.may_drive_all(&start, &[straight]));
+        assert_eq!(space.driving(&start, &straight).map(|hit| hit.what), Some(What::Unseen));
+    }
 }

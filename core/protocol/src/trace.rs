@@ -19,6 +19,7 @@ use thiserror::Error;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::goto::Goal;
 use xtb_control::units::OutOfRange;
+use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
 use xtb_control::{AdcCount, Command, Sample, Stamp, Steering, WheelRpm};
 
 /// A line is not a sample.
@@ -41,6 +42,9 @@ pub enum TraceError {
         /// Of the line before.
         before: u64,
     },
+    /// A bumper with another number of channels than a scan holds.
+    #[error("a bumper with {0} range finders, a scan holds 6 or 8 of each")]
+    Channels(usize),
     /// A value out of its range.
     #[error("{0}")]
     Value(#[from] OutOfRange),
@@ -124,8 +128,10 @@ struct EncoderLine {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct AdcLine {
-    ir_front: [f64; 6],
-    ir_rear: [f64; 6],
+    #[cfg_attr(feature = "schema", schemars(length(min = 6, max = 8)))]
+    ir_front: Vec<f64>,
+    #[cfg_attr(feature = "schema", schemars(length(min = 6, max = 8)))]
+    ir_rear: Vec<f64>,
     tilt: [f64; 2],
     pistons: [f64; 4],
 }
@@ -192,6 +198,23 @@ fn counts<const N: usize>(values: [f64; N]) -> Result<[AdcCount; N], OutOfRange>
     Ok(counts)
 }
 
+/// A bumper's channels from six or eight numbers; those that are left out read 0.
+fn bumper(values: &[f64]) -> Result<[AdcCount; SLOTS], TraceError> {
+    let mut channels = [0.0; SLOTS];
+    match values.len() {
+        USUAL_SLOTS | SLOTS => channels[..values.len()].copy_from_slice(values),
+        len => return Err(TraceError::Channels(len)),
+    }
+    Ok(counts(channels)?)
+}
+
+/// Both bumpers' channels, the seventh and eighth only if there is anything on one of them.
+fn bumpers<T: Clone + Default + PartialEq>(front: &[T; SLOTS], rear: &[T; SLOTS]) -> [Vec<T>; 2] {
+    let beyond = front[USUAL_SLOTS..].iter().chain(&rear[USUAL_SLOTS..]);
+    let slots = if beyond.into_iter().all(|value| *value == T::default()) { USUAL_SLOTS } else { SLOTS };
+    [front, rear].map(|side| side[..slots].to_vec())
+}
+
 impl Line {
     fn sample(self) -> Result<Sample, TraceError> {
         let kinds = usize::from(self.gyro.is_some())
@@ -206,8 +229,8 @@ impl Line {
             }
             (None, Some(Object(EncoderLine { pulses })), None, None, None) => Ok(Sample::Encoder { pulses }),
             (None, None, Some(Object(adc)), None, None) => Ok(Sample::Adc(AdcSample {
-                ir_front: counts(adc.ir_front)?,
-                ir_rear: counts(adc.ir_rear)?,
+                ir_front: bumper(&adc.ir_front)?,
+                ir_rear: bumper(&adc.ir_rear)?,
                 tilt: counts(adc.tilt)?,
                 pistons: counts(adc.pistons)?,
             })),
@@ -228,9 +251,11 @@ impl Line {
             }
             Sample::Encoder { pulses } => line.encoder = Some(Object(EncoderLine { pulses })),
             Sample::Adc(adc) => {
+                let [front, rear] = [adc.ir_front, adc.ir_rear].map(|side| side.map(AdcCount::get));
+                let [ir_front, ir_rear] = bumpers(&front, &rear);
                 line.adc = Some(Object(AdcLine {
-                    ir_front: adc.ir_front.map(AdcCount::get),
-                    ir_rear: adc.ir_rear.map(AdcCount::get),
+                    ir_front,
+                    ir_rear,
                     tilt: adc.tilt.map(AdcCount::get),
                     pistons: adc.pistons.map(AdcCount::get),
                 }));
@@ -356,6 +381,7 @@ mod tests {
             r#"{"t_ns":1,"gyro":{"roll":-1,"pitch":2,"yaw":-32768}}"#,
             r#"{"t_ns":2,"encoder":{"pulses":23}}"#,
             r#"{"t_ns":3,"adc":{"ir_front":[0.0,1.0,2.0,3.0,4.0,1023.0],"ir_rear":[0.0,0.0,0.0,0.0,0.0,0.0],"tilt":[512.015625,3.0],"pistons":[1.0,2.0,3.0,4.0]}}"#,
+            r#"{"t_ns":3,"adc":{"ir_front":[0.0,1.0,2.0,3.0,4.0,1023.0,60.0,0.0],"ir_rear":[0.0,0.0,0.0,0.0,0.0,0.0,0.0,0.0],"tilt":[512.0,3.0],"pistons":[1.0,2.0,3.0,4.0]}}"#,
             r#"{"t_ns":4,"remote":{"speed":938,"steering":null,"selector":58275}}"#,
             r#"{"t_ns":5,"command":{"idle":{}}}"#,
             r#"{"t_ns":6,"command":{"goto":{"x_m":0.1,"y_m":-2.0}}}"#,
@@ -394,6 +420,10 @@ mod tests {
         assert!(error(r#"{"t_ns":1,"command":{"follow":{"rpm":1}}}"#).contains("steering"));
         let adc = r#"{"t_ns":1,"adc":{"ir_front":[0,0,0,0,0,1024],"ir_rear":[0,0,0,0,0,0],"tilt":[0,0],"pistons":[0,0,0,0]}}"#;
         assert_eq!(error(adc), "ADC count 1024 is outside 0..=1023 counts");
+        assert_eq!(
+            error(&adc.replace("0,0,1024", "0,0")),
+            "a bumper with 5 range finders, a scan holds 6 or 8 of each"
+        );
     }
 
     #[test]

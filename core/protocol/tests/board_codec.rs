@@ -83,8 +83,9 @@ fn identity_sample_and_ask_read_back_as_they_were_written() {
     let mut found = Vec::new();
     FrameReader::default().from_board(&bytes, |frame| found.push(frame));
     assert_eq!(found, [Ok(FromBoard::Identity(identity)), Ok(FromBoard::Bno085(sample))]);
-    for (identity, imu) in [(true, false), (false, true), (true, true)] {
-        let (ask, mut found) = (Ask { identity, imu }, Vec::new());
+    for bits in 1..8 {
+        let [identity, imu, wide_scan] = [1, 2, 4].map(|bit| bits & bit != 0);
+        let (ask, mut found) = (Ask { identity, imu, wide_scan }, Vec::new());
         FrameReader::default().to_board(writer.ask(ask).as_bytes(), |frame| found.push(frame));
         assert_eq!(found, [Ok(ToBoard::Ask(ask))]);
     }

@@ -48,6 +48,16 @@ fn board() -> LineRates {
     LineRates::board(vehicle.encoder.window_s, vehicle.remote.period_ms)
 }
 
+fn scan() -> AdcSample {
+    let count = |counts: u16| AdcCount::try_from(counts).unwrap();
+    AdcSample {
+        ir_front: [60, 61, 62, 300, 301, 302, 63, 64].map(count),
+        ir_rear: [60, 60, 60, 60, 60, 60, 61, 1023].map(count),
+        tilt: [517, 512].map(count),
+        pistons: [512; 4].map(count),
+    }
+}
+
 #[test]
 fn the_agents_frames() {
     let n = PwmCount::NEUTRAL;
@@ -69,14 +79,7 @@ fn the_agents_frames() {
 #[test]
 fn the_boards_frames() {
     shows(&after(7, |writer| writer.encoder(23)));
-    let count = |counts: u16| AdcCount::try_from(counts).unwrap();
-    let scan = AdcSample {
-        ir_front: [60, 61, 62, 300, 301, 302].map(count),
-        ir_rear: [60; 6].map(count),
-        tilt: [517, 512].map(count),
-        pistons: [512; 4].map(count),
-    };
-    shows(&after(8, |writer| writer.adc(&scan, Some(7400))));
+    shows(&after(8, |writer| writer.adc(&scan(), Some(7400))));
     let remote = RemoteSample { speed: Some(938), steering: Some(12_937), selector: None };
     shows(&after(9, |writer| writer.remote(&remote)));
     let waiting = BoardStatus {
@@ -96,12 +99,13 @@ fn the_boards_frames() {
 /// What a board and an agent may do without.
 #[test]
 fn the_optional_frames() {
+    shows(&after(6, |writer| writer.wide_adc(&scan(), Some(7400))));
     let firmware = Firmware(0x0101);
     let setup_checksum = setup().checksum();
     let (ready, watchdog, emergency_stop) = (true, true, Some(true));
     let pressed = BoardStatus { firmware, ready, watchdog, emergency_stop, setup_checksum, rejected: 0 };
     shows(&after(2, |writer| writer.status(&pressed)));
-    shows(&after(3, |writer| writer.ask(Ask { identity: true, imu: true })));
+    shows(&after(3, |writer| writer.ask(Ask { identity: true, imu: true, wide_scan: false })));
     let identity = BoardIdentity {
         firmware,
         hash: 0x89AB_CDEF,
@@ -143,7 +147,7 @@ fn limits_and_channels() {
 
 #[test]
 fn what_the_frames_need() {
-    for line in [board().with_bno085(), LineRates::gyro()] {
+    for line in [board().with_bno085(), board().with_wide_scans(), LineRates::gyro()] {
         for frame in line.frames() {
             let times = [115_200, 38_400, 9600].map(|baud| format!("{:.1}", frame.time_ms(baud)));
             says(&format!(

@@ -4,6 +4,7 @@
 
 use proptest::prelude::*;
 use xtb_control::controller::{AdcSample, PwmOutputs};
+use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
 use xtb_control::{AdcCount, PwmCount};
 use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, MAX_PULSES, ToBoard};
 use xtb_protocol::codec::{Format, decode, encode, encoding};
@@ -30,15 +31,16 @@ fn pwm() -> impl Strategy<Value = PwmOutputs> {
     })
 }
 
+/// A scan with all channels.
 fn adc() -> impl Strategy<Value = AdcSample> {
-    let ranges = prop::collection::vec(0_u16..=1023, 12);
+    let ranges = prop::collection::vec(0_u16..=1023, 2 * SLOTS);
     let sums = prop::collection::vec(0_u16..=1023 * 64, 6);
     (ranges, sums).prop_map(|(ranges, sums)| {
         let whole = |i: usize| AdcCount::try_from(ranges[i]).unwrap();
         let mean = |i: usize| AdcCount::try_from(f64::from(sums[i]) / 64.0).unwrap();
         AdcSample {
             ir_front: std::array::from_fn(whole),
-            ir_rear: std::array::from_fn(|i| whole(i + 6)),
+            ir_rear: std::array::from_fn(|i| whole(i + SLOTS)),
             tilt: [mean(0), mean(1)],
             pistons: [mean(2), mean(3), mean(4), mean(5)],
         }
@@ -125,12 +127,20 @@ proptest! {
         let (mut writer, mut reader) = (FrameWriter::default(), FrameReader::default());
         let mut bytes = writer.encoder(pulses).as_bytes().to_vec();
         bytes.extend(writer.adc(&adc, battery).as_bytes());
+        bytes.extend(writer.wide_adc(&adc, battery).as_bytes());
         let mut found = Vec::new();
         for piece in bytes.chunks(piece) {
             reader.from_board(piece, |frame| found.push(frame));
         }
-        let expected =
-            vec![Ok(FromBoard::Encoder { pulses }), Ok(FromBoard::Adc { sample: adc, battery_mv: battery })];
+        let mut usual = adc;
+        for side in [&mut usual.ir_front, &mut usual.ir_rear] {
+            side[USUAL_SLOTS..].fill(AdcCount::ZERO);
+        }
+        let expected = vec![
+            Ok(FromBoard::Encoder { pulses }),
+            Ok(FromBoard::Adc { sample: usual, battery_mv: battery, is_wide: false }),
+            Ok(FromBoard::Adc { sample: adc, battery_mv: battery, is_wide: true }),
+        ];
         prop_assert_eq!(found, expected);
         let mut back = Vec::new();
         FrameReader::default().to_board(writer.pwm(&pwm).as_bytes(), |frame| back.push(frame));

@@ -234,6 +234,7 @@ mod tests {
     use super::*;
     use xtb_control::AdcCount;
     use xtb_control::controller::{AdcSample, GyroSample};
+    use xtb_control::vehicle::SLOTS;
     use xtb_protocol::board::FrameWriter;
     use xtb_protocol::gyro_3dmg::EulerFrame;
 
@@ -266,8 +267,8 @@ mod tests {
 
     fn adc_frame(writer: &mut FrameWriter) -> Vec<u8> {
         let count = AdcCount::try_from(300.0).unwrap();
-        let sample =
-            AdcSample { ir_front: [count; 6], ir_rear: [count; 6], tilt: [count; 2], pistons: [count; 4] };
+        let side = [count; SLOTS];
+        let sample = AdcSample { ir_front: side, ir_rear: side, tilt: [count; 2], pistons: [count; 4] };
         writer.adc(&sample, None).as_bytes().to_vec()
     }
 

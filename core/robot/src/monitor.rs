@@ -59,11 +59,11 @@ impl Monitors {
         self.drive.drive(driven);
     }
 
-    /// A window of the encoder.
-    pub fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16) {
+    /// A window of the encoder; faster than `most_mps` is too fast by hand.
+    pub fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16, most_mps: f64) {
         let rpm = wheel_rpm(&vehicle.encoder, u32::from(pulses));
         self.turning = pulses > 0;
-        self.over_speed = rpm * vehicle.mps_per_rpm() > vehicle.admitted_mps();
+        self.over_speed = rpm * vehicle.mps_per_rpm() > most_mps;
         self.encoder.window(&vehicle.guard, now, rpm);
         self.drive.window(vehicle, now, pulses);
     }
@@ -115,7 +115,7 @@ impl Monitors {
         }
     }
 
-    /// Whether the wheels are faster than the obstacle rule can stop.
+    /// Whether the wheels are faster than the obstacle rule can stop, or than a crawl where no range finder looks.
     #[must_use]
     pub fn over_speed(&self) -> bool {
         self.over_speed
@@ -149,11 +149,13 @@ impl Monitors {
 mod tests {
     use super::*;
     use xtb_control::units::AdcCount;
+    use xtb_control::vehicle::SLOTS;
 
     #[test]
     fn a_battery_that_was_empty_is_so_after_the_clock_has_gone_back_until_it_is_measured_better() {
         let (vehicle, mut monitors, zero) = (VehicleConfig::default(), Monitors::default(), AdcCount::ZERO);
-        let scan = AdcSample { ir_front: [zero; 6], ir_rear: [zero; 6], tilt: [zero; 2], pistons: [zero; 4] };
+        let (ir_front, ir_rear) = ([zero; SLOTS], [zero; SLOTS]);
+        let scan = AdcSample { ir_front, ir_rear, tilt: [zero; 2], pistons: [zero; 4] };
         let scans = |from_ms: u64, seconds: f64, mv: u16, monitors: &mut Monitors| {
             for i in 0..(seconds / 0.04) as u64 {
                 monitors.scan(&vehicle, Stamp::from_ms(from_ms + 40 * i), &scan, Some(mv));

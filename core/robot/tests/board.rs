@@ -5,7 +5,7 @@
 mod bench;
 
 use bench::*;
-use xtb_control::vehicle::{Imu, ImuYaw};
+use xtb_control::vehicle::{BumperFinders, Imu, ImuYaw, RangeFinder};
 use xtb_control::{Controller, PwmCount, VehicleConfig};
 use xtb_protocol::board::{Ask, BoardIdentity, Firmware};
 use xtb_protocol::messages::{
@@ -14,7 +14,7 @@ use xtb_protocol::messages::{
 use xtb_robot::line::PortTrouble;
 
 /// The firmware of this release.
-const NEW: Firmware = Firmware(0x0101);
+const NEW: Firmware = Firmware(0x0102);
 
 fn faults(bench: &mut Bench) -> Vec<(Fault, Option<String>)> {
     bench.state().faults.into_iter().map(|state| (state.fault, state.detail)).collect()
@@ -181,7 +181,7 @@ fn a_board_is_asked_who_it_is_and_again_after_it_has_restarted() {
     let before = bench.asks.len();
     bench.run_ms(500);
     assert_eq!(bench.asks.len(), before, "it has answered");
-    assert_eq!(bench.asks[0], Ask { identity: true, imu: false });
+    assert_eq!(bench.asks[0], Ask { identity: true, ..Ask::default() });
     assert_eq!(bench.robot.readings(bench.now).identity, Some(identity));
     bench.setup = None;
     bench.run_ms(100);
@@ -293,4 +293,47 @@ fn a_drive_with_a_bno085_replays_bit_for_bit() {
     for step in steps {
         assert_eq!(replay.step(step.t, &step.sample), step.outputs, "step {}", step.number);
     }
+}
+
+/// Seven range finders ahead, the last of them on the right.
+fn with_seven() -> VehicleConfig {
+    let mut vehicle = VehicleConfig::default();
+    let lefts_m = (0..7).map(|i| 0.18 - 0.06 * f64::from(i));
+    vehicle.range_finders.front = BumperFinders(lefts_m.map(RangeFinder::at).collect());
+    vehicle
+}
+
+#[test]
+fn a_car_with_seven_range_finders_on_a_bumper_asks_for_wide_scans_and_stops_at_what_the_seventh_sees() {
+    let mut bench = driving(with_seven());
+    assert!(bench.asks.iter().all(|ask| ask.wide_scan), "{:?}", bench.asks);
+    let asked = bench.asks.len();
+    bench.run_ms(1000);
+    assert_eq!(bench.asks.len(), asked, "what it has asked for comes");
+    bench.last_front = 300; // 18 cm
+    bench.run_ms(100);
+    assert_eq!(bench.motor, PwmCount::NEUTRAL);
+    assert_eq!(bench.state().stopped_because[0], StopReason::ObstacleFront);
+    let outputs = bench.robot.outputs();
+    assert!(outputs.ir_front_cm[6].is_some_and(|cm| (17.0..19.0).contains(&cm)), "{:?}", outputs.ir_front_cm);
+    assert_eq!(outputs.ir_front_cm[7], None, "nothing is fitted there, whatever it shows");
+}
+
+#[test]
+fn a_board_whose_firmware_is_too_old_for_seven_range_finders_is_the_reason_that_is_named() {
+    let mut bench = Bench::at_board(with_seven(), Firmware(0x0101));
+    bench.run_ms(1000);
+    let words = "firmware 1.1 of the I/O board sends six range finders a bumper, the car has more";
+    assert_eq!(faults(&mut bench), [(Fault::ConverterSilent, Some(words.to_owned()))]);
+    assert_eq!(code_of(&bench.ask(ahead(1.0))), RejectCode::NotReady);
+}
+
+#[test]
+fn a_board_that_restarts_is_asked_for_wide_scans_again() {
+    let mut bench = Bench::at_board(with_seven(), NEW);
+    bench.asks.clear();
+    bench.setup = None;
+    bench.run_ms(1000);
+    assert!(bench.asks.iter().any(|ask| ask.wide_scan));
+    assert_eq!(faults(&mut bench), []);
 }

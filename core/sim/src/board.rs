@@ -27,9 +27,10 @@ use xtb_protocol::board::{
     Ask, BoardIdentity, BoardStatus, Firmware, FrameReader, FrameWriter, LineCounters, MAX_PULSES, ToBoard,
 };
 
-/// What the simulated board calls its firmware, without and with answers to asks.
+/// What the simulated board calls its firmware, without and with answers to asks, and with wide scans among them.
 pub(crate) const FIRMWARE: Firmware = Firmware(0x0100);
 const WITH_ANSWERS: Firmware = Firmware(0x0101);
+const WITH_WIDE_SCANS: Firmware = Firmware(0x0102);
 /// Between two status frames.
 const STATUS_S: f64 = 0.1;
 /// Shortest period and window that the board takes: less would be no time to do anything in.
@@ -127,6 +128,8 @@ pub(crate) struct Board {
     firmware: Firmware,
     /// Whether samples of the inertial unit are wanted.
     imu_asked: bool,
+    /// Whether wide scans are.
+    wide_asked: bool,
     /// Whether the emergency stop is pressed.
     stop: bool,
 
@@ -159,8 +162,13 @@ impl Board {
             running: None,
             refused: 0,
             answer_due: false,
-            firmware: if truth.board.answers_asks { WITH_ANSWERS } else { FIRMWARE },
+            firmware: match truth.board.answers_asks {
+                true if truth.range_finders.need_wide_scan() => WITH_WIDE_SCANS,
+                true => WITH_ANSWERS,
+                false => FIRMWARE,
+            },
             imu_asked: false,
+            wide_asked: false,
             stop: false,
             at_rest: outputs,
             requested: outputs,
@@ -185,7 +193,7 @@ impl Board {
         self.running = None;
         self.refused = 0;
         self.heard = None;
-        self.imu_asked = false;
+        (self.imu_asked, self.wide_asked) = (false, false);
         self.watchdog = true;
         self.outputs = self.at_rest;
         self.neutral_since.get_or_insert(now);
@@ -240,8 +248,9 @@ impl Board {
             ToBoard::Pwm(_) if self.stop => {}
             ToBoard::Pwm(pwm) => (self.requested, self.heard) = (pwm, Some(now)),
             ToBoard::Ask(_) if !self.firmware.answers_asks() => self.refused += 1,
-            ToBoard::Ask(Ask { identity, imu }) => {
+            ToBoard::Ask(Ask { identity, imu, wide_scan }) => {
                 self.imu_asked = imu;
+                self.wide_asked = wide_scan && self.firmware.sends_wide_scans();
                 if identity {
                     self.send_identity();
                 }
@@ -375,7 +384,11 @@ impl Board {
     }
 
     pub(crate) fn send_scan(&mut self, sample: &AdcSample, battery_mv: Option<u16>) {
-        self.outbox.send(self.writer.adc(sample, battery_mv).as_bytes());
+        let frame = match self.wide_asked {
+            true => self.writer.wide_adc(sample, battery_mv),
+            false => self.writer.adc(sample, battery_mv),
+        };
+        self.outbox.send(frame.as_bytes());
     }
 
     pub(crate) fn outputs(&self) -> &PwmOutputs {

@@ -13,14 +13,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use xtb_control::PwmCount;
 use xtb_control::controller::PwmOutputs;
 use xtb_control::units::Stamp;
+use xtb_control::vehicle::SLOTS;
 
 /// What a truck has at its board's inputs: voltages as the sensors give them, before any divider.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pins {
     /// End of the step.
     pub now: Stamp,
-    /// Range finders of the front and then of the rear bumper, left to right, in V.
-    pub range_finders_v: [f64; 12],
+    /// Range finders of the front and then of the rear bumper, eight of each, left to right, in V; 0 where none is fitted.
+    pub range_finders_v: [f64; 2 * SLOTS],
     /// Tilt sensor x and y, in V.
     pub tilt_v: [f64; 2],
     /// Position sensors of the pistons FL, FR, RL, RR, in V.

@@ -4,6 +4,8 @@
 //! arrives. The devices themselves go on unharmed: take the fault away and the next frame is good.
 //! A fault of a sensor or of the drive changes what is measured or done, never how frames are sent.
 
+use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
+
 /// What is wrong with one line.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum LineFault {
@@ -77,8 +79,8 @@ pub enum EncoderFault {
 /// Faults of a truck's sensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SensorFaults {
-    /// Front, then rear range finders, left to right.
-    pub range_finders: [RangeFinderFault; 12],
+    /// Front, then rear range finders, eight of each, left to right.
+    pub range_finders: [RangeFinderFault; 2 * SLOTS],
     /// Every channel of the converter shows its last reading for ever.
     pub converter_frozen: bool,
     /// The gyro.
@@ -93,14 +95,14 @@ impl SensorFaults {
     /// The same fault of all range finders.
     #[must_use]
     pub fn all_range_finders(fault: RangeFinderFault) -> Self {
-        Self { range_finders: [fault; 12], ..Self::default() }
+        Self { range_finders: [fault; 2 * SLOTS], ..Self::default() }
     }
 
-    /// A fault of one range finder, 0..12: front, then rear, left to right.
+    /// A fault of one of an XTB's range finders, 0..12: front, then rear, left to right.
     #[must_use]
     pub fn range_finder(index: usize, fault: RangeFinderFault) -> Self {
         let mut faults = Self::default();
-        if let Some(one) = faults.range_finders.get_mut(index) {
+        if let Some(one) = faults.range_finders.get_mut(index / USUAL_SLOTS * SLOTS + index % USUAL_SLOTS) {
             *one = fault;
         }
         faults

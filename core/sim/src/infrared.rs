@@ -26,9 +26,10 @@ use crate::rng::Rng;
 use crate::scene::StepContext;
 use xtb_control::range_curve::RangeCurve;
 use xtb_control::units::{ADC_FULL_SCALE, ADC_SUPPLY_V, AdcCount};
-use xtb_control::vehicle::{RangeFinder, RangeFinders as Fitted};
+use xtb_control::vehicle::{RangeFinder, RangeFinders as Fitted, SLOTS, USUAL_SLOTS};
 
-const SENSORS: usize = 12;
+/// Channels of both bumpers.
+const SENSORS: usize = 2 * SLOTS;
 /// The distance that the beam's width is given for, in m.
 const WIDE_AT_M: f64 = 0.8;
 /// The rays of a beam: where in its half width, + = left, and their part of the light.
@@ -106,21 +107,27 @@ pub(crate) struct RangeFinders {
 }
 
 impl RangeFinders {
-    /// Each channel takes its share of the noise, whatever is fitted there.
+    /// Each of an XTB's channels takes its share of the noise, whatever is fitted there, and a seventh and eighth if one
+    /// is fitted.
     pub(crate) fn new(truth: &InfraredTruth, fitted: &Fitted, body: &Body, noise: &mut Rng) -> Self {
-        let mut next_ns = [0; SENSORS];
+        let mut next_ns = [u64::MAX; SENSORS];
         let sensors = std::array::from_fn(|i| {
+            let (is_rear, slot) = (i >= SLOTS, i % SLOTS);
+            let (bumper, facing) = if is_rear { (&fitted.rear, -1.0) } else { (&fitted.front, 1.0) };
+            let finder = bumper.get(slot);
+            if slot >= USUAL_SLOTS && finder.is_none() {
+                return None;
+            }
             let spread = truth.refresh_tolerance_s;
             let period_s = truth.refresh_s + noise.uniform(-spread, spread);
             let period_ns = (period_s * 1e9) as u64;
             let floor_v = noise.uniform(truth.floor_min_v, truth.floor_max_v);
             next_ns[i] = noise.up_to(period_ns);
-            let (bumper, facing) = if i < 6 { (&fitted.front, 1.0) } else { (&fitted.rear, -1.0) };
-            let finder = bumper.get(i % 6)?;
+            let finder = finder?;
             let ahead_m = facing * (body.length_m / 2.0 + finder.ahead_m);
             Some(Sensor {
                 curve: finder.curve,
-                is_rear: i >= 6,
+                is_rear,
                 place_m: (ahead_m, sight_m(finder.curve)),
                 rays: RAYS.map(|(beside, _)| Ray::new(truth, facing, finder, beside)),
                 beside_m: beside_m(truth, finder),
@@ -184,10 +191,10 @@ impl RangeFinders {
     }
 
     /// What the converter makes of the front and the rear bumper, left to right.
-    pub(crate) fn readings(&self) -> ([AdcCount; 6], [AdcCount; 6]) {
+    pub(crate) fn readings(&self) -> ([AdcCount; SLOTS], [AdcCount; SLOTS]) {
         let volts = self.volts();
         let side = |first: usize| std::array::from_fn(|i| adc_count(volts[first + i], 1.0));
-        (side(0), side(6))
+        (side(0), side(SLOTS))
     }
 }
 
@@ -266,7 +273,7 @@ mod tests {
             assert!((0.0287..=0.0479).contains(&period.s()), "{period:?}");
         }
         periods.dedup();
-        assert_eq!(periods.len(), SENSORS);
+        assert_eq!(periods.len(), 2 * USUAL_SLOTS);
     }
 
     #[test]

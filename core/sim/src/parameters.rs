@@ -192,7 +192,7 @@ config_section! {
     /// The I/O board. Its PWM period, encoder window and watchdog are those of the set-up it gets.
     BoardTruth "board" {
         adc_period_s: f64 = 0.038, "s", Range(0.005, 1.0), Printed("§4.5"), "Between two scans.";
-        answers_asks: bool = false, "", Switch, Assumed, "Its firmware is 1.1: it says who it is, whether its emergency stop is pressed, and what its BNO085 measures. Else 1.0.";
+        answers_asks: bool = false, "", Switch, Assumed, "Its firmware is 1.1 (1.2 with more than six range finders on a bumper): it says who it is, whether its emergency stop is pressed, and what its BNO085 or its range finders beyond the sixth measure. Else 1.0.";
     }
 }
 
@@ -245,7 +245,7 @@ impl TruckParameters {
         truth.range_finders = vehicle.range_finders.clone();
         truth.receiver.fitted = vehicle.remote.enabled;
         (truth.gyro.imu, truth.gyro.imu_yaw) = (vehicle.imu, vehicle.imu_yaw);
-        truth.board.answers_asks = vehicle.imu == Imu::Bno085Rvc;
+        truth.board.answers_asks = vehicle.imu == Imu::Bno085Rvc || vehicle.range_finders.need_wide_scan();
         truth.steering.front_centre = steering.front_centre;
         truth.steering.rear_centre = steering.rear_centre;
         truth.steering.range_counts = steering.range_counts;

@@ -42,7 +42,7 @@ use xtb_control::calibration::Measured;
 use xtb_control::controller::AdcSample;
 use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_control::units::Stamp;
-use xtb_control::vehicle::Imu;
+use xtb_control::vehicle::{Imu, SLOTS};
 use xtb_protocol::board::LineCounters;
 use xtb_protocol::messages::TruthRobot;
 
@@ -270,9 +270,9 @@ impl Truck {
         self.battery.volts()
     }
 
-    /// What its range finders show, front, then rear, left to right, in V.
+    /// What its range finders show, front, then rear, eight of each, left to right, in V; 0 where none is fitted.
     #[must_use]
-    pub fn range_finder_volts(&self) -> [f64; 12] {
+    pub fn range_finder_volts(&self) -> [f64; 2 * SLOTS] {
         self.range_finders.volts()
     }
 

@@ -13,11 +13,11 @@ use race::{Planned, Race};
 use std::fmt::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use xtb_nav::{Car, MapPose};
+use xtb_nav::{Car, Gears, MapPose};
 use xtb_traffic::solver::{Bounds, Obstacle, Problem, Schedule, Task, Tolerance, Unsolved, check};
 
 /// As `fleet-cli/src/commands/plan/instance.rs` has them.
-const CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
+const CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: Gears::BOTH };
 const DISC_M: f64 = 0.8;
 
 /// The set's files have one list of numbers a line.

@@ -9,10 +9,10 @@ use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::time::{Duration, Instant};
-use xtb_nav::{Car, MapPose};
+use xtb_nav::{Car, Gears, MapPose};
 use xtb_traffic::solver::{Bounds, Obstacle, Problem, Settings, Solver, Task, Tolerance, check};
 
-const CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
+const CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: Gears::BOTH };
 const DISC_M: f64 = 0.8;
 
 struct Family {

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use xtb_control::units::Stamp;
+use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
 use xtb_sim::{Pins, Pulses};
 
 /// The dividers at the board's inputs, which make 3.3 V of the sensors' 5 V, and a quarter of the battery.
@@ -18,7 +19,9 @@ pub(crate) struct Step {
     rx: String,
     /// Inputs of the first multiplexer, in V.
     a: [f64; 16],
-    /// Inputs 12 to 15 of the second one, in V.
+    /// Inputs 0 to 3 of the second one, in V.
+    m: [f64; 4],
+    /// Inputs 12 to 15 of it, in V.
     p: [f64; 4],
     /// Edges of the encoder, in ns.
     e: Vec<u64>,
@@ -34,18 +37,21 @@ impl Step {
     /// The first moment, when nothing has happened yet.
     pub(crate) fn power_on() -> Self {
         let (rx, i) = (String::new(), String::new());
-        Self { t: 0, rx, a: [0.0; 16], p: [0.0; 4], e: Vec::new(), r: None, s: false, i }
+        Self { t: 0, rx, a: [0.0; 16], m: [0.0; 4], p: [0.0; 4], e: Vec::new(), r: None, s: false, i }
     }
 
     pub(crate) fn of(from_agent: &[u8], pins: &Pins) -> Self {
         let mut a = [0.0; 16];
-        a[..12].copy_from_slice(&pins.range_finders_v);
+        let (front, rear) = pins.range_finders_v.split_at(SLOTS);
+        a[..USUAL_SLOTS].copy_from_slice(&front[..USUAL_SLOTS]);
+        a[USUAL_SLOTS..2 * USUAL_SLOTS].copy_from_slice(&rear[..USUAL_SLOTS]);
         a[12..14].copy_from_slice(&pins.tilt_v.map(|v| v * OF_5_V));
         a[14] = pins.battery_v * OF_BATTERY;
         Self {
             t: pins.now.ns(),
             rx: digits(from_agent),
             a,
+            m: [front[6], front[7], rear[6], rear[7]],
             p: pins.pistons_v.map(|v| v * OF_5_V),
             e: pins.encoder_edges.iter().map(|edge| edge.ns()).collect(),
             r: pins.receiver_ms,
@@ -121,8 +127,8 @@ mod tests {
         assert_eq!(
             written,
             "{\"t\":5000000,\"rx\":\"001fa0\",\
-             \"a\":[0.0,0.125,0.25,0.375,0.5,0.625,0.75,0.875,1.0,1.125,1.25,1.375,1.65,3.3,2.0,0.0],\
-             \"p\":[0.0,1.65,3.3,0.825],\"e\":[1,4999999],\"r\":[1.5,1.25,1.75],\"s\":true,\"i\":\"aaaa01\"}"
+             \"a\":[0.0,0.125,0.25,0.375,0.5,0.625,1.0,1.125,1.25,1.375,1.5,1.625,1.65,3.3,2.0,0.0],\
+             \"m\":[0.75,0.875,1.75,1.875],\"p\":[0.0,1.65,3.3,0.825],\"e\":[1,4999999],\"r\":[1.5,1.25,1.75],\"s\":true,\"i\":\"aaaa01\"}"
         );
     }
 

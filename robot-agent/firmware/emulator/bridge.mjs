@@ -2,13 +2,13 @@
 //
 //   node bridge.mjs ELF [--no-receiver]
 //
-//   → {"t":ns,"rx":hex,"a":[16 V],"p":[4 V],"e":[encoder edges, ns],"r":[3 ms]|null,"s":pressed,"i":hex}
+//   → {"t":ns,"rx":hex,"a":[16 V],"m":[4 V],"p":[4 V],"e":[encoder edges, ns],"r":[3 ms]|null,"s":pressed,"i":hex}
 //   ← {"t":ns,"tx":hex,"w":[10 pulse counts],"at":ns,"resets":n}
 //
 // `t` is the end of the step, in ns since power-on; everything but `t` may be missing and then stays as it
 // was (`rx`, `e`, `i`: nothing). `rx` goes over the line from the step's beginning at 115,200 baud, `i` over
-// the inertial unit's. `a` are the first multiplexer's inputs (at the pin, behind the dividers), `p` the
-// pistons' at the second one, `r` the receiver's pulses of speed, steering and selector. `w` are the pulses of
+// the inertial unit's. `a` are the first multiplexer's inputs (at the pin, behind the dividers), `m` the seventh
+// and eighth range finder of both bumpers at the second one, `p` the pistons' there, `r` the receiver's pulses of speed, steering and selector. `w` are the pulses of
 // the last complete period in counts of 0.4 µs, which began at `at`; 0 = none yet. `tx` are the bytes whose
 // stop bit ended in the step.
 
@@ -37,6 +37,7 @@ for await (const line of createInterface({ input: process.stdin })) {
   const step = JSON.parse(line);
   if (!Number.isFinite(step.t) || step.t < bench.now - 1000) throw new Error(`"t" = ${step.t} is in the past`);
   if (step.a !== undefined) bench.first = volts(step.a, 16, 'a');
+  if (step.m !== undefined) bench.second.splice(0, 4, ...volts(step.m, 4, 'm'));
   if (step.p !== undefined) bench.second.splice(12, 4, ...volts(step.p, 4, 'p'));
   if (step.r !== undefined) bench.receiver = step.r === null ? null : volts(step.r, 3, 'r');
   if (step.s !== undefined) bench.stop = step.s;

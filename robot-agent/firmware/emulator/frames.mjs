@@ -12,11 +12,11 @@ export function crc32(bytes) {
 }
 
 export const KIND = {
-  pwm: 0x10, encoder: 0x11, converter: 0x12, remote: 0x13, status: 0x14, identity: 0x15, imu: 0x16,
+  pwm: 0x10, encoder: 0x11, converter: 0x12, remote: 0x13, status: 0x14, identity: 0x15, imu: 0x16, wide: 0x17,
   setup: 0x18, reset: 0x19, ask: 0x1a,
 };
 export const READY = 1, WATCHDOG = 2, EMERGENCY_STOP = 4;
-export const ASK_IDENTITY = 1, ASK_IMU = 2;
+export const ASK_IDENTITY = 1, ASK_IMU = 2, ASK_WIDE = 4;
 export const NEUTRAL = 3750;
 export const WIRING = [0x00, 0x01, 0x02, 0x10, 0x03, 0x04, 0x11, 0x05, 0x06, 0x07, 0x12, 0x13, 0x14, 0x15];
 

@@ -263,6 +263,8 @@ impl ConfigFile {
             Imu::ThreeDmG => (board, Some(LineRates::gyro())),
             Imu::Bno085Rvc => (board.with_bno085(), None),
         };
+        let is_wide = self.vehicle.range_finders.need_wide_scan();
+        let board = if is_wide { board.with_wide_scans() } else { board };
         let board = Some(("hardware.board_baud", hardware.board_baud, board));
         let gyro = gyro.map(|gyro| ("hardware.gyro_baud", hardware.gyro_baud, gyro));
         for (name, baud, line) in board.into_iter().chain(gyro) {

@@ -105,7 +105,7 @@ impl Publishers {
             }
         }
         // Not from a converter that has fallen silent.
-        let sampled = sensors.as_ref().filter(|_| state.obstacle.front.is_some());
+        let sampled = sensors.as_ref().filter(|_| state.obstacle.front.or(state.obstacle.rear).is_some());
         if let Some(sensors) = sampled
             && self.ranges.iter().any(Publisher::is_heard)
         {

@@ -34,7 +34,8 @@ pub fn board(bytes: &[u8]) -> bool {
         },
         write: |writer, frame| match frame {
             FromBoard::Encoder { pulses } => writer.encoder(*pulses),
-            FromBoard::Adc { sample, battery_mv } => writer.adc(sample, *battery_mv),
+            FromBoard::Adc { sample, battery_mv, is_wide: false } => writer.adc(sample, *battery_mv),
+            FromBoard::Adc { sample, battery_mv, is_wide: true } => writer.wide_adc(sample, *battery_mv),
             FromBoard::Remote(sample) => writer.remote(sample),
             FromBoard::Status(status) => writer.status(status),
             FromBoard::Identity(identity) => writer.identity(identity),
@@ -162,7 +163,7 @@ fn from_board_in_range(frame: &FromBoard) -> bool {
     let ticks = |ticks: &Option<u32>| ticks.is_none_or(|ticks| ticks < u32::from(u16::MAX));
     match frame {
         FromBoard::Encoder { pulses } => *pulses <= MAX_PULSES,
-        FromBoard::Adc { sample, battery_mv } => {
+        FromBoard::Adc { sample, battery_mv, .. } => {
             let all =
                 sample.ir_front.iter().chain(&sample.ir_rear).chain(&sample.tilt).chain(&sample.pistons);
             all.into_iter().all(count) && *battery_mv != Some(u16::MAX)

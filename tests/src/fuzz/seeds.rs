@@ -13,6 +13,7 @@ use robot_agent::config::ConfigFile;
 use std::path::Path;
 use xtb_control::controller::{AdcSample, GyroSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup};
+use xtb_control::vehicle::SLOTS;
 use xtb_control::{AdcCount, PwmCount, VehicleConfig};
 use xtb_protocol::Uuid;
 use xtb_protocol::board::{BoardStatus, Firmware, FrameWriter};
@@ -111,8 +112,8 @@ fn pwm() -> PwmOutputs {
 fn adc() -> AdcSample {
     let count = |counts: f64| AdcCount::try_from(counts).unwrap_or(AdcCount::ZERO);
     AdcSample {
-        ir_front: [count(100.0); 6],
-        ir_rear: [count(1023.0); 6],
+        ir_front: [count(100.0); SLOTS],
+        ir_rear: [count(1023.0); SLOTS],
         tilt: [count(512.5), count(513.0)],
         pistons: [count(512.015_625); 4],
     }
@@ -130,6 +131,7 @@ pub(super) fn board() -> Vec<Seed> {
         ("encoder", line.encoder(23)),
         ("adc", line.adc(&adc(), Some(7200))),
         ("adc_no_battery", line.adc(&adc(), None)),
+        ("wide_adc", line.wide_adc(&adc(), Some(7200))),
         ("remote", line.remote(&remote)),
         ("status", line.status(&status)),
         ("pwm", line.pwm(&pwm())),

@@ -1,8 +1,8 @@
 //! The range finders of both bumpers as they are fitted: place, direction, width of the beam, and part.
 //!
 //! Obstacle rule, admitted speed, obstacle layer and blind rule follow from these; an XTB's are the default. The
-//! converter has six channels a bumper (docs/io-board.md), so no more can be fitted; and a bumper without any is
-//! refused, as nothing would stop the car in that direction.
+//! converter has eight channels a bumper; its usual frame holds six of them, and a car with more asks its board for the
+//! wide one (docs/io-board.md). In a direction without any the car does not drive by itself ([`Gears`](super::Gears)).
 //!
 //! ```text
 //!              ╲  beam, turned_deg > 0          face of the bumper, ahead_m = 0
@@ -10,13 +10,15 @@
 //!                      │ ahead_m < 0: set back, so that the zone too near to measure lies on the car
 //! ```
 
-use super::{Infrared, Obstacle};
+use super::{Infrared, Obstacle, RangeFinders};
 use crate::config::{Allowed, Value};
 use crate::range_curve::RangeCurve;
 use serde::{Deserialize, Serialize};
 
-/// Channels of the converter for each bumper: what the board's frames and the messages hold.
-pub const SLOTS: usize = 6;
+/// Channels of the converter for each bumper.
+pub const SLOTS: usize = 8;
+/// Those of them that the board's usual frame and the message `Sensors` hold, the leftmost ones.
+pub const USUAL_SLOTS: usize = 6;
 
 /// One range finder.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -100,7 +102,7 @@ pub struct BumperFinders(pub Vec<RangeFinder>);
 impl BumperFinders {
     /// What a table of them allows.
     pub const ALLOWED: Allowed = Allowed::List(
-        "1 to 6 from left to right, each with left_m -1.5..=1.5 m, ahead_m -0.3..=0 m (0), turned_deg -60..=60 (0), \
+        "none to 8 from left to right, each with left_m -1.5..=1.5 m, ahead_m -0.3..=0 m (0), turned_deg -60..=60 (0), \
          beam_m 0.01..=0.3 m at 80 cm (0.06), curve gp2d12, gp2y0a21 or gp2y0a02 (gp2d12)",
     );
 
@@ -111,10 +113,22 @@ impl BumperFinders {
     }
 }
 
+impl RangeFinders {
+    /// Whether a bumper has more than [`USUAL_SLOTS`], so that only a wide scan of the board holds them all.
+    #[must_use]
+    pub fn need_wide_scan(&self) -> bool {
+        self.front.0.len().max(self.rear.0.len()) > USUAL_SLOTS
+    }
+}
+
 impl Default for BumperFinders {
     /// An XTB's: six, 7 cm apart (§2.2).
     fn default() -> Self {
-        Self((0..SLOTS).map(|i| RangeFinder::at((2.5 - i as f64) * crate::infrared::SPACING_M)).collect())
+        Self(
+            (0..USUAL_SLOTS)
+                .map(|i| RangeFinder::at((2.5 - i as f64) * crate::infrared::SPACING_M))
+                .collect(),
+        )
     }
 }
 
@@ -124,7 +138,7 @@ impl Value for BumperFinders {
         format!("[{}]", each.join(", "))
     }
     fn is_allowed(&self, _: &Allowed) -> bool {
-        (1..=SLOTS).contains(&self.0.len())
+        self.0.len() <= SLOTS
             && self.0.iter().all(RangeFinder::is_possible)
             && self.0.windows(2).all(|pair| pair[0].left_m > pair[1].left_m)
     }
@@ -153,15 +167,16 @@ mod tests {
     }
 
     #[test]
-    fn a_bumper_without_range_finders_or_with_seven_is_refused_and_so_is_a_wrong_order() {
+    fn a_bumper_with_nine_range_finders_is_refused_and_so_is_a_wrong_order() {
         let at = |lefts: &[f64]| BumperFinders(lefts.iter().map(|left_m| RangeFinder::at(*left_m)).collect());
         for (finders, is_allowed) in [
-            (at(&[]), false),
+            (at(&[]), true),
             (at(&[0.0]), true),
             (at(&[0.1, -0.1]), true),
             (at(&[-0.1, 0.1]), false),
             (at(&[0.1, 0.1]), false),
-            (at(&[0.18, 0.12, 0.06, 0.0, -0.06, -0.12, -0.18]), false),
+            (at(&[0.175, 0.125, 0.075, 0.025, -0.025, -0.075, -0.125, -0.175]), true),
+            (at(&[0.18, 0.135, 0.09, 0.045, 0.0, -0.045, -0.09, -0.135, -0.18]), false),
             (at(&[f64::NAN]), false),
         ] {
             let mut config = VehicleConfig::default();

@@ -24,8 +24,8 @@ pub(crate) fn adc_count() -> impl Strategy<Value = AdcCount> {
 }
 
 pub(crate) fn adc_sample() -> impl Strategy<Value = AdcSample> {
-    let six = || prop::array::uniform6(adc_count());
-    (six(), six(), prop::array::uniform2(adc_count()), prop::array::uniform4(adc_count()))
+    let side = || prop::array::uniform8(adc_count());
+    (side(), side(), prop::array::uniform2(adc_count()), prop::array::uniform4(adc_count()))
         .prop_map(|(ir_front, ir_rear, tilt, pistons)| AdcSample { ir_front, ir_rear, tilt, pistons })
 }
 

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use xtb_control::infrared::BumperRanges;
 use xtb_control::obstacle::{Bumper, ObstacleState};
 use xtb_control::units::Stamp;
-use xtb_control::vehicle::{BumperFinders, Obstacle};
+use xtb_control::vehicle::{BumperFinders, Obstacle, SLOTS, USUAL_SLOTS};
 
 fn range() -> impl Strategy<Value = Option<f64>> {
     prop_oneof![2 => Just(None), 4 => (0.0..=60.0).prop_map(Some), 1 => Just(Some(25.0))]
@@ -13,11 +13,12 @@ fn range() -> impl Strategy<Value = Option<f64>> {
 
 /// Scans every 38 ms with the way driven towards the bumper, in m.
 fn scans() -> impl Strategy<Value = Vec<(BumperRanges, f64)>> {
-    vec((prop::array::uniform6(range()), -0.05..=0.05), 1..60)
+    vec((prop::array::uniform8(range()), -0.05..=0.05), 1..60)
 }
 
+/// By those that are fitted: what is on the other channels does not count.
 fn nearer_than_25_cm(ranges: &BumperRanges) -> bool {
-    ranges.iter().flatten().any(|cm| *cm < 25.0)
+    ranges[..USUAL_SLOTS].iter().flatten().any(|cm| *cm < 25.0)
 }
 
 fn clear_range() -> impl Strategy<Value = Option<f64>> {
@@ -50,7 +51,7 @@ proptest! {
         near_cm in 9.74..14.0, sensor in 0_usize..6, later in vec((0_u64..4000, clear_range(), -0.04..0.04), 1..12),
     ) {
         let (config, mut bumper) = (Obstacle::default(), Bumper::default());
-        let mut ranges = [None; 6];
+        let mut ranges = [None; SLOTS];
         ranges[sensor] = Some(near_cm);
         prop_assert!(bumper.update(&config, &BumperFinders::default(), Stamp::ZERO, &ranges, 0.0));
         let mut t = Stamp::from_ms(1);
@@ -67,11 +68,11 @@ proptest! {
     ) {
         let config = Obstacle { foldback_clear_s: 0.5, ..Obstacle::default() };
         let mut bumper = Bumper::default();
-        bumper.update(&config, &BumperFinders::default(), Stamp::ZERO, &[Some(near_cm); 6], 1.0);
-        prop_assert!(bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(40), &[range; 6], 1.0));
+        bumper.update(&config, &BumperFinders::default(), Stamp::ZERO, &[Some(near_cm); SLOTS], 1.0);
+        prop_assert!(bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(40), &[range; SLOTS], 1.0));
         let (ms, travel_m) = if backs_off { (80, 0.949) } else { (540, 1.0) };
-        prop_assert!(!bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(ms), &[range; 6], travel_m));
-        prop_assert!(!bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(ms + 40), &[range; 6], travel_m));
+        prop_assert!(!bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(ms), &[range; SLOTS], travel_m));
+        prop_assert!(!bumper.update(&config, &BumperFinders::default(), Stamp::from_ms(ms + 40), &[range; SLOTS], travel_m));
     }
 
     #[test]

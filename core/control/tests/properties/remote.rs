@@ -5,7 +5,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use xtb_control::controller::{AdcSample, GyroSample, Outputs, RemoteSample};
 use xtb_control::remote::{Reading, RemoteStage, Selector, Stick, reading};
-use xtb_control::vehicle::Remote;
+use xtb_control::vehicle::{Remote, SLOTS};
 use xtb_control::{Controller, Mode, PwmCount, Sample, Stamp, VehicleConfig};
 
 const MANUAL: Option<u32> = Some(750);
@@ -45,7 +45,7 @@ fn counts(ticks: u32) -> f64 {
 
 /// Twelve sensors: so near, or nothing.
 fn scan(front: bool, rear: bool) -> Sample {
-    let side = |near: bool| [adc(if near { 300.0 } else { 0.0 }); 6];
+    let side = |near: bool| [adc(if near { 300.0 } else { 0.0 }); SLOTS];
     Sample::Adc(AdcSample {
         ir_front: side(front),
         ir_rear: side(rear),

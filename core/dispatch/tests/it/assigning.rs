@@ -7,10 +7,10 @@ use xtb_dispatch::assign::{Candidate, Demand, INFEASIBLE, assign, auction, exact
 use xtb_dispatch::{OpenTravelCost, TravelCost};
 use xtb_nav::geometry::reeds_shepp;
 use xtb_nav::rooms::Draw;
-use xtb_nav::{Car, MapPose};
+use xtb_nav::{Car, Gears, MapPose};
 use xtb_protocol::messages::{MAX_REPORTED_M, Message, RobotState, TaskId, Waypoint};
 
-const CAR: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4 };
+const CAR: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4, gears: Gears::BOTH };
 
 fn costs(draw: &mut Draw, rows: usize, columns: usize, never: f64) -> Vec<f32> {
     let mut one = || if draw.uniform(0.0, 1.0) < never { INFEASIBLE } else { draw.uniform(0.0, 50.0) as f32 };

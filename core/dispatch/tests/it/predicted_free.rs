@@ -3,7 +3,7 @@
 use crate::bench::{Bench, goto, name, point};
 use xtb_dispatch::predicted_free::predict;
 use xtb_dispatch::{OpenTravelCost, Settings};
-use xtb_nav::{Car, MapPose};
+use xtb_nav::{Car, Gears, MapPose};
 use xtb_protocol::messages::{TaskId, TaskKind, TaskSpec, TaskState, Who};
 
 /// Robot 2 is free, and far away; robot 1 drives to (-1, 0); the task is beside that point.
@@ -67,7 +67,7 @@ fn nobody_waits_for_a_robot_that_is_blocked_silent_or_latched() {
 
 #[test]
 fn what_is_left_of_a_route_counts_with_its_stops() {
-    let car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4 };
+    let car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.4, gears: Gears::BOTH };
     let from = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
     let mut bench = Bench::new(1);
     let points = vec![point(2.0, 0.0), point(4.0, 0.0)];

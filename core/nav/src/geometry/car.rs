@@ -4,7 +4,7 @@ use crate::MapPose;
 use thiserror::Error;
 use xtb_control::VehicleConfig;
 use xtb_control::config::{ConfigError, Value, validate};
-use xtb_control::vehicle::Drivetrain;
+use xtb_control::vehicle::{BumperFinders, Drivetrain, Gears};
 use xtb_protocol::messages::About;
 
 /// A factsheet that does not say what car its robot is.
@@ -29,6 +29,8 @@ pub struct Car {
     pub half_width_m: f64,
     /// Smallest radius the reference point can be driven on.
     pub radius_m: f64,
+    /// In which directions it drives by itself.
+    pub gears: Gears,
 }
 
 impl Car {
@@ -41,6 +43,7 @@ impl Car {
             rear_m: vehicle.rear_m(),
             half_width_m: vehicle.geometry.body_width_m / 2.0,
             radius_m: vehicle.turning_radius_m(),
+            gears: vehicle.range_finders.gears(),
         }
     }
 
@@ -52,7 +55,7 @@ impl Car {
         Self::vehicle_of(about).map(|vehicle| Self::of(&vehicle))
     }
 
-    /// Body, axles and steering that a robot says it has; of all else an XTB's.
+    /// Body, axles, steering, and bumpers without range finders that a robot says it has; of all else an XTB's.
     ///
     /// # Errors
     /// As [`Self::of_about`].
@@ -68,6 +71,14 @@ impl Car {
         }
         if find("geometry.body_ahead_m").is_some() {
             vehicle.geometry.body_ahead_m = value("geometry.body_ahead_m")?;
+        }
+        // Nor does an older one have a bumper without range finders.
+        let is_bare = |name| find(name).is_some_and(|parameter| parameter.value == "[]");
+        if is_bare("range_finders.front") {
+            vehicle.range_finders.front = BumperFinders(Vec::new());
+        }
+        if is_bare("range_finders.rear") {
+            vehicle.range_finders.rear = BumperFinders(Vec::new());
         }
         vehicle.geometry.wheelbase_m = value("geometry.wheelbase_m")?;
         vehicle.geometry.body_length_m = value("geometry.body_length_m")?;
@@ -85,6 +96,7 @@ impl Car {
             rear_m: self.rear_m + margin_m,
             half_width_m: self.half_width_m + margin_m,
             radius_m: self.radius_m,
+            gears: self.gears,
         }
     }
 
@@ -242,6 +254,10 @@ mod tests {
         };
         let mut about = about(vehicle.parameters().iter().map(info).collect());
         assert_eq!(Car::of_about(&about), Ok(Car::of(&vehicle)));
+        let mut bare = about.clone();
+        bare.vehicle.iter_mut().find(|info| info.name == "range_finders.rear").unwrap().value = "[]".into();
+        let gears = Gears { ahead: true, astern: false };
+        assert_eq!(Car::of_about(&bare), Ok(Car { gears, ..Car::of(&vehicle) }));
         about.vehicle.retain(|info| !["drivetrain", "geometry.body_ahead_m"].contains(&info.name.as_str()));
         assert_eq!(Car::of_about(&about), Ok(truck()));
     }

@@ -227,7 +227,8 @@ mod tests {
     use super::*;
     use xtb_control::VehicleConfig;
 
-    const CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
+    const CAR: Car =
+        Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: crate::Gears::BOTH };
 
     fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
         MapPose { x_m, y_m, yaw_rad }

@@ -6,7 +6,7 @@
 //! from the other end. Here the radius is 1 and the start is the origin; lengths are angles.
 
 use super::path::{Path, Piece, wrap_rad};
-use crate::MapPose;
+use crate::{Gears, MapPose};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Rounding that still counts as zero, in radii and rad: a few thousand times f64's.
@@ -66,6 +66,16 @@ pub fn all(from: &MapPose, to: &MapPose, radius_m: f64) -> Vec<Path> {
     each(target(from, to, radius_m), |length, word| found.push((length, *word)));
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     found.into_iter().map(|(_, word)| word.path(from, radius_m)).collect()
+}
+
+/// The shortest way in these gears, if there is a word of them; with both, [`shortest`].
+#[must_use]
+pub fn shortest_in(gears: Gears, from: &MapPose, to: &MapPose, radius_m: f64) -> Option<Path> {
+    if gears.are_both() {
+        return Some(shortest(from, to, radius_m));
+    }
+    let drives = |path: &Path| path.pieces.iter().all(|piece| gears.allow(piece.length_m));
+    all(from, to, radius_m).into_iter().find(drives)
 }
 
 /// A curve: a word in m, without a start; it needs no memory of its own.

@@ -82,6 +82,9 @@ impl Navigator {
 
     /// The first of some steerings with which there is room for so much way, negative = astern.
     pub(super) fn way_out(&self, now: Stamp, pose: &MapPose, way_m: f64, steerings: [f64; 3]) -> Option<f64> {
+        if !self.car.gears.allow(way_m) {
+            return None;
+        }
         let things = self.things_around(now, pose);
         let around = [pose.x_m, pose.y_m];
         let obstacles = self.obstacles.as_ref();

@@ -244,6 +244,12 @@ impl Navigator {
         if let Some((_, _, why)) = self.guidance.refused.as_ref().filter(|(refused, ..)| *refused == plan) {
             return Err(why.clone());
         }
+        let gears = self.car.gears;
+        if let Some(unseen) = gears.unseen()
+            && path.tail(from_m).pieces.iter().any(|piece| !gears.allow(piece.length_m))
+        {
+            return Err(wrong_vehicle(&format!("it leads where {unseen}")));
+        }
         let Some(map) = &self.map else { return Ok(()) };
         if path.length_m() > LONGEST_PATH_M {
             return Err(wrong_vehicle(&format!("it is longer than {LONGEST_PATH_M} m")));
@@ -318,7 +324,7 @@ mod tests {
             reason: None,
         };
         let estimate = PoseFilter::new(&vehicle, FilterTuning::default(), NOW, &OdomPose::default(), &START);
-        let (ir_front_cm, ir_rear_cm) = (&[None; 6], &[None; 6]);
+        let (ir_front_cm, ir_rear_cm) = (&[None; 8], &[None; 8]);
         [NOW, NOW.plus_ms(NO_WAY_MS)].map(|now| {
             navigator.guide(now, Some(guidance.clone()), &[]);
             let estimate = &estimate.estimate(now);

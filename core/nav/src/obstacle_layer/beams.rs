@@ -3,6 +3,7 @@
 use super::sight::{Mount, Sight};
 use crate::MapPose;
 use crate::geometry::Car;
+use xtb_control::vehicle::SLOTS;
 
 /// Farther away a reading does not say well enough where, in m: here fit and data sheet are 3 cm apart, at 51
 /// cm 13.
@@ -66,11 +67,11 @@ impl Beam {
 }
 
 /// Front, then rear, left to right with the truck pointing up; `None` where no range finder is fitted.
-pub(super) fn beams(sight: &Sight, car: &Car, pose: &MapPose) -> [Option<Beam>; 12] {
+pub(super) fn beams(sight: &Sight, car: &Car, pose: &MapPose) -> [Option<Beam>; 2 * SLOTS] {
     let (sin, cos) = libm::sincos(pose.yaw_rad);
     std::array::from_fn(|i| {
         let mount = sight.mounts()[i]?;
-        let (bumper_m, facing) = if i < 6 { (car.front_m, 1.0) } else { (car.rear_m, -1.0) };
+        let (bumper_m, facing) = if i < SLOTS { (car.front_m, 1.0) } else { (car.rear_m, -1.0) };
         let (ahead_m, left_m) = (facing * (bumper_m + mount.ahead_m), mount.left_m);
         let (aside, along) = (mount.turned.0, facing * mount.turned.1);
         Some(Beam {
@@ -145,9 +146,10 @@ pub(super) enum Extent {
 }
 
 /// What this beam, which hits something, and its neighbours say of that.
-pub(super) fn extent(readings: &[BeamReading; 12], n: usize) -> Extent {
+pub(super) fn extent(readings: &[BeamReading; 2 * SLOTS], n: usize) -> Extent {
     let BeamReading::Hit { from_m, to_m } = readings[n] else { return Extent::Unknown };
-    let bumper = n / 6 * 6..n / 6 * 6 + 6;
+    let first = n / SLOTS * SLOTS;
+    let bumper = first..first + SLOTS;
     let beside = || [n.wrapping_sub(1), n + 1].into_iter().filter(|other| bumper.contains(other));
     let same = |other: usize| match readings[other] {
         BeamReading::Hit { to_m: there_m, .. } => (there_m - to_m).abs() <= SAME_M,

@@ -5,6 +5,7 @@ use super::beams::{Beam, BeamReading};
 use crate::MapPose;
 use crate::geometry::apart_m;
 use xtb_control::units::Stamp;
+use xtb_control::vehicle::SLOTS;
 
 /// A beam clears up to this much before what it hits, in m: more than the diagonal of a cell of 5 cm, 7.1 cm.
 const BEFORE_HIT_M: f64 = 0.08;
@@ -18,8 +19,8 @@ impl ObstacleLayer {
         &mut self,
         now: Stamp,
         pose: &MapPose,
-        beams: &[Option<Beam>; 12],
-        readings: &[BeamReading; 12],
+        beams: &[Option<Beam>; 2 * SLOTS],
+        readings: &[BeamReading; 2 * SLOTS],
     ) {
         let here = [pose.x_m, pose.y_m];
         let is_thin_near = self.thin_obstacles().any(|at| apart_m(at, here) <= Self::THIN_NEAR_M);

@@ -6,19 +6,25 @@ use xtb_control::range_curve::RangeCurve;
 use xtb_control::vehicle::{BumperFinders, RangeFinder};
 
 const HERE: MapPose = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
-const NOTHING: BumperRanges = [None; 6];
+const NOTHING: BumperRanges = [None; SLOTS];
 
 fn car() -> Car {
     Car::of(&VehicleConfig::default())
 }
 
-fn scan(front_cm: BumperRanges) -> BumperScan {
+/// The channels from the left on, and nothing on the others.
+fn widened<const N: usize>(cm: [Option<f64>; N]) -> BumperRanges {
+    std::array::from_fn(|slot| cm.get(slot).copied().flatten())
+}
+
+fn scan<const N: usize>(front: [Option<f64>; N]) -> BumperScan {
+    let front_cm = widened(front);
     BumperScan { pose: HERE, sigma_m: 0.02, front_cm, rear_cm: NOTHING }
 }
 
 /// The third beam from the left reads this.
 fn third(cm: f64) -> BumperRanges {
-    [None, None, Some(cm), None, None, None]
+    widened([None, None, Some(cm), None, None, None])
 }
 
 fn room() -> Grid {
@@ -60,7 +66,7 @@ fn beams_leave_their_bumpers_where_the_sensors_sit() {
         (true, std::f64::consts::FRAC_PI_2, [-0.175, 0.574]),
     ] {
         let mut layer = ObstacleLayer::new(car(), None);
-        let ranges = [Some(30.0), None, None, None, None, None];
+        let ranges = widened([Some(30.0)]);
         let (front_cm, rear_cm) = if front { (ranges, NOTHING) } else { (NOTHING, ranges) };
         let scan = BumperScan { pose: MapPose { yaw_rad, ..HERE }, sigma_m: 0.0, front_cm, rear_cm };
         let now = look(&mut layer, 0, 2, &scan, None);
@@ -129,9 +135,9 @@ fn a_far_wall_that_reads_too_near_is_still_the_wall_of_the_map() {
     }
     let mut layer = ObstacleLayer::new(car(), Some(&map));
     // The fit makes 51.5 cm of 64.
-    let now = look(&mut layer, 0, 5, &scan([Some(51.5); 6]), Some(&map));
+    let now = look(&mut layer, 0, 5, &scan([Some(51.5); SLOTS]), Some(&map));
     assert_eq!(places(&layer, now), Vec::<[f64; 2]>::new());
-    let now = look(&mut layer, 1000, 5, &scan([Some(51.5); 6]), Some(&room()));
+    let now = look(&mut layer, 1000, 5, &scan([Some(51.5); SLOTS]), Some(&room()));
     assert!(layer.obstacles(now).count() >= 5, "and something new where the map has none");
 }
 

@@ -4,6 +4,7 @@ use super::costs::Costs;
 use super::curve_heuristic::MOST_DETOUR;
 use super::space::Space;
 use crate::MapPose;
+use crate::geometry::Car;
 use crate::geometry::reeds_shepp;
 use crate::geometry::reeds_shepp::Curve;
 
@@ -26,9 +27,14 @@ impl AnalyticExpansion {
         (from, to): (&MapPose, &MapPose),
         below: f64,
     ) -> Option<Curve> {
-        reeds_shepp::curves(from, to, space.car().radius_m, MOST_DETOUR, &mut self.curves);
+        let Car { radius_m, gears, .. } = *space.car();
+        // In one gear the way there may be much longer than the shortest.
+        let most_detour = if gears.are_both() { MOST_DETOUR } else { f64::INFINITY };
+        reeds_shepp::curves(from, to, radius_m, most_detour, &mut self.curves);
+        let drives = |curve: &Curve| curve.pieces().iter().all(|piece| gears.allow(piece.length_m));
         self.order.clear();
-        self.order.extend(self.curves.iter().enumerate().map(|(index, curve)| (costs.curve(curve), index)));
+        let all = self.curves.iter().enumerate().filter(|(_, curve)| drives(curve));
+        self.order.extend(all.map(|(index, curve)| (costs.curve(curve), index)));
         self.order.sort_by(|a, b| a.0.total_cmp(&b.0));
         let tried = self.order.iter().take(MOST_WORDS).take_while(|(cost, _)| *cost < below);
         let mut tried = tried.map(|&(_, index)| &self.curves[index]);

@@ -178,7 +178,13 @@ mod tests {
     use crate::planner::space::{GridSpace, Layers, LookOut};
     use crate::rooms::{Draw, Room};
 
-    const CAR: crate::Car = crate::Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393 };
+    const CAR: crate::Car = crate::Car {
+        front_m: 0.25,
+        rear_m: 0.25,
+        half_width_m: 0.2,
+        radius_m: 0.393,
+        gears: crate::Gears::BOTH,
+    };
     const SIDE_M: f64 = 0.05;
 
     fn space(room: Room, seed: u64) -> GridSpace {

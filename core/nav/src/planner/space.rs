@@ -29,6 +29,8 @@ pub enum What {
     Local,
     /// A one-way zone that would be driven against its direction.
     OneWay,
+    /// A direction in which the car has no range finder.
+    Unseen,
     /// Another car or anything else that another world knows by name.
     Other(String),
 }
@@ -53,6 +55,7 @@ impl fmt::Display for Hit {
             What::KeepOut(name) => write!(f, "keep-out {name}")?,
             What::Local => write!(f, "an unmapped obstacle")?,
             What::OneWay => write!(f, "the wrong way of a one-way zone")?,
+            What::Unseen => write!(f, "a way on which the car has no range finder")?,
             What::Other(name) => write!(f, "{name}")?,
         }
         write!(f, " at ({:.2}, {:.2})", self.x_m, self.y_m)

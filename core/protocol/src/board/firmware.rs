@@ -10,6 +10,8 @@ use thiserror::Error;
 pub const MAJOR: u8 = 1;
 /// Since 1.1: [asks](super::ToBoard::Ask), what answers them, and the bit of the emergency stop.
 const WITH_ASKS: Firmware = Firmware(0x0101);
+/// Since 1.2: scans with eight range finders a bumper, if they are asked for.
+const WITH_WIDE_SCANS: Firmware = Firmware(0x0102);
 
 /// A board's firmware as its status names it, major version in the high byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -38,6 +40,12 @@ impl Firmware {
     #[must_use]
     pub fn answers_asks(self) -> bool {
         self.check().is_ok() && self >= WITH_ASKS
+    }
+
+    /// Whether it sends scans with eight range finders a bumper.
+    #[must_use]
+    pub fn sends_wide_scans(self) -> bool {
+        self.check().is_ok() && self >= WITH_WIDE_SCANS
     }
 }
 
@@ -108,13 +116,19 @@ mod tests {
 
     #[test]
     fn only_a_higher_major_version_is_refused_and_the_refusal_says_what_to_do() {
-        for (word, text, asks) in [(0, "unknown", false), (0x0100, "1.0", false), (0x0101, "1.1", true)] {
+        for (word, text, asks, wide) in [
+            (0, "unknown", false, false),
+            (0x0100, "1.0", false, false),
+            (0x0101, "1.1", true, false),
+            (0x0102, "1.2", true, true),
+        ] {
             let firmware = Firmware(word);
             assert_eq!((firmware.check(), firmware.to_string()), (Ok(()), text.to_owned()));
-            assert_eq!(firmware.answers_asks(), asks, "{text}");
+            assert_eq!((firmware.answers_asks(), firmware.sends_wide_scans()), (asks, wide), "{text}");
         }
-        assert!(Firmware(0x01FF).answers_asks(), "what is newer does no less");
-        assert!(!Firmware(0x0200).answers_asks());
+        let newer = Firmware(0x01FF);
+        assert!(newer.answers_asks() && newer.sends_wide_scans(), "what is newer does no less");
+        assert!(!Firmware(0x0200).answers_asks() && !Firmware(0x0200).sends_wide_scans());
         assert_eq!(
             Firmware(0x0203).check().unwrap_err().to_string(),
             "firmware 2.3 is not known to this agent, which knows 1.x: flash the firmware of this agent's \

@@ -26,6 +26,8 @@ pub enum FromBoard {
         sample: AdcSample,
         /// Battery voltage in mV; `None` if the board does not measure it.
         battery_mv: Option<u16>,
+        /// Whether it holds all eight channels a bumper, as an [`Ask`] may want it; else the seventh and eighth read 0.
+        is_wide: bool,
     },
     /// A frame of the receiver.
     Remote(RemoteSample),
@@ -74,6 +76,8 @@ pub struct Ask {
     pub identity: bool,
     /// The [samples](FromBoard::Bno085) of its inertial unit from now on; without this, none.
     pub imu: bool,
+    /// Scans with all eight range finders a bumper from now on; without this, with six.
+    pub wide_scan: bool,
 }
 
 /// Why bytes were not a frame.

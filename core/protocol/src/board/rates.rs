@@ -8,6 +8,7 @@ use crate::bno085;
 use crate::gyro_3dmg::{EULER_LEN, FIRMWARE_LEN, PERIOD_MS, START_CONTINUOUS, STOP_CONTINUOUS};
 use thiserror::Error;
 use xtb_control::tpu::Setup;
+use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
 
 /// Bits of one byte on the line: start, eight, stop.
 pub const BITS_A_BYTE: f64 = 10.0;
@@ -130,6 +131,17 @@ impl LineRates {
             FrameRate { name: "ask", direction: ToDevice, bytes: 2 + AROUND, every_s: ASK_EVERY_S, only };
         self.frames.extend([sample, ask]);
         self.frames.sort_by_key(|frame| frame.direction == ToDevice);
+        self
+    }
+
+    /// The same line of a car with more than six range finders on a bumper, whose scans are longer.
+    #[must_use]
+    pub fn with_wide_scans(mut self) -> Self {
+        for frame in &mut self.frames {
+            if frame.name == "converter" {
+                frame.bytes += 2 * 2 * (SLOTS - USUAL_SLOTS);
+            }
+        }
         self
     }
 
@@ -266,7 +278,8 @@ mod tests {
             pistons: [n; 4],
             spare: n,
         };
-        let scan = AdcSample { ir_front: [zero; 6], ir_rear: [zero; 6], tilt: [zero; 2], pistons: [zero; 4] };
+        let side = [zero; SLOTS];
+        let scan = AdcSample { ir_front: side, ir_rear: side, tilt: [zero; 2], pistons: [zero; 4] };
         let status = BoardStatus {
             firmware: Firmware(0),
             ready: true,
@@ -292,6 +305,9 @@ mod tests {
             line.frames().iter().map(|frame| (frame.name, frame.bytes)).collect()
         };
         assert_eq!(table(usual_board()), written);
+        let mut wide = written.clone();
+        wide[1].1 = writer.wide_adc(&scan, None).as_bytes().len();
+        assert_eq!(table(usual_board().with_wide_scans()), wide);
         let mut with_unit = written;
         with_unit.insert(4, ("inertial unit", writer.bno085(&Bno085Sample::default()).as_bytes().len()));
         with_unit.push(("ask", writer.ask(Ask::default()).as_bytes().len()));
@@ -320,6 +336,12 @@ mod tests {
         let line = usual_board().with_bno085();
         assert_eq!(line.check(38_400).unwrap_err().standard, 57_600);
         line.check(57_600).unwrap();
+    }
+
+    #[test]
+    fn eight_range_finders_a_bumper_need_no_faster_line() {
+        usual_board().with_wide_scans().check(38_400).unwrap();
+        usual_board().with_bno085().with_wide_scans().check(57_600).unwrap();
     }
 
     #[test]

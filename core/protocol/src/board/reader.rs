@@ -7,7 +7,7 @@ use xtb_board_codec::flags::{EMERGENCY_STOP, READY, WATCHDOG};
 use xtb_board_codec::{Content, NO_PULSE, NOT_FITTED, Reader, ask, kind};
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup};
-use xtb_control::units::PwmCount;
+use xtb_control::units::{AdcCount, PwmCount};
 
 /// What a reader has seen go wrong since the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -88,7 +88,8 @@ fn parse_from_board(kind: u8, payload: &[u8]) -> Result<FromBoard, BoardError> {
             [pulses] if pulses <= MAX_PULSES => Ok(FromBoard::Encoder { pulses }),
             [pulses] => Err(BoardError::Pulses(pulses)),
         },
-        kind::ADC => parse_adc(&words::<19>(kind, payload)?),
+        kind::ADC => parse_adc(&words::<19>(kind, payload)?, None),
+        kind::WIDE_ADC => parse_wide_adc(&words(kind, payload)?),
         kind::REMOTE => {
             let ticks = |word: u16| (word != NO_PULSE).then_some(u32::from(word));
             let [speed, steering, selector] = words::<3>(kind, payload)?.map(ticks);
@@ -127,22 +128,35 @@ fn parse_identity([firmware, low, high, board, late_periods, replaced_samples]: 
     }
 }
 
-fn parse_adc(words: &[u16; 19]) -> Result<FromBoard, BoardError> {
-    use xtb_control::AdcCount;
+/// The numbers of a usual scan, then those of the channels that it does not hold.
+fn parse_wide_adc(words: &[u16; 23]) -> Result<FromBoard, BoardError> {
+    let (mut usual, mut more) = ([0; 19], [0; 4]);
+    usual.copy_from_slice(&words[..19]);
+    more.copy_from_slice(&words[19..]);
+    parse_adc(&usual, Some(more))
+}
+
+/// `more`: the seventh and eighth range finder of the front and of the rear bumper.
+fn parse_adc(words: &[u16; 19], more: Option<[u16; 4]>) -> Result<FromBoard, BoardError> {
     let mut counts = [AdcCount::ZERO; 18];
     for (i, (count, &word)) in counts.iter_mut().zip(words).enumerate() {
         let scans = if i < 12 { 1.0 } else { f64::from(ADC_SCANS) };
         *count = AdcCount::try_from(f64::from(word) / scans)?;
     }
+    let mut beyond = [AdcCount::ZERO; 4];
+    for (count, word) in beyond.iter_mut().zip(more.unwrap_or_default()) {
+        *count = AdcCount::try_from(word)?;
+    }
     let [a, b, c, d, e, f, g, h, i, j, k, l, tilt_x, tilt_y, fl, fr, rl, rr] = counts;
+    let [front_7, front_8, rear_7, rear_8] = beyond;
     let sample = AdcSample {
-        ir_front: [a, b, c, d, e, f],
-        ir_rear: [g, h, i, j, k, l],
+        ir_front: [a, b, c, d, e, f, front_7, front_8],
+        ir_rear: [g, h, i, j, k, l, rear_7, rear_8],
         tilt: [tilt_x, tilt_y],
         pistons: [fl, fr, rl, rr],
     };
     let battery_mv = (words[18] != NOT_FITTED).then_some(words[18]);
-    Ok(FromBoard::Adc { sample, battery_mv })
+    Ok(FromBoard::Adc { sample, battery_mv, is_wide: more.is_some() })
 }
 
 fn parse_to_board(kind: u8, payload: &[u8]) -> Result<ToBoard, BoardError> {
@@ -159,7 +173,12 @@ fn parse_to_board(kind: u8, payload: &[u8]) -> Result<ToBoard, BoardError> {
         }
         kind::ASK => {
             let [bits] = words::<1>(kind, payload)?;
-            Ok(ToBoard::Ask(Ask { identity: bits & ask::IDENTITY != 0, imu: bits & ask::IMU != 0 }))
+            let asks = |bit: u16| bits & bit != 0;
+            Ok(ToBoard::Ask(Ask {
+                identity: asks(ask::IDENTITY),
+                imu: asks(ask::IMU),
+                wide_scan: asks(ask::WIDE_SCAN),
+            }))
         }
         _ => Err(BoardError::UnknownType(kind)),
     }

@@ -7,7 +7,8 @@ use xtb_board_codec::flags::{EMERGENCY_STOP, READY, WATCHDOG};
 use xtb_board_codec::{NO_PULSE, NOT_FITTED, Writer, ask, kind};
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
 use xtb_control::tpu::{ResetMask, Setup};
-use xtb_control::units::PwmCount;
+use xtb_control::units::{AdcCount, PwmCount};
+use xtb_control::vehicle::USUAL_SLOTS;
 
 /// Builds frames and counts their sequence.
 #[derive(Debug, Clone, Default)]
@@ -49,7 +50,9 @@ impl FrameWriter {
 
     /// The agent's: what else the board shall send.
     pub fn ask(&mut self, wanted: Ask) -> Frame {
-        let bits = (u16::from(wanted.identity) * ask::IDENTITY) | (u16::from(wanted.imu) * ask::IMU);
+        let bits = (u16::from(wanted.identity) * ask::IDENTITY)
+            | (u16::from(wanted.imu) * ask::IMU)
+            | (u16::from(wanted.wide_scan) * ask::WIDE_SCAN);
         self.writer.frame(kind::ASK, [bits])
     }
 
@@ -87,11 +90,27 @@ impl FrameWriter {
         self.writer.frame(kind::ENCODER, [pulses])
     }
 
-    /// The board's: a scan. Ranges as counts; tilt and pistons as sums of [`ADC_SCANS`] scans.
+    /// The board's: a scan with six range finders a bumper. Ranges as counts; tilt and pistons as sums of [`ADC_SCANS`]
+    /// scans.
     pub fn adc(&mut self, sample: &AdcSample, battery_mv: Option<u16>) -> Frame {
-        let ranges = sample.ir_front.iter().chain(&sample.ir_rear).map(|c| c.get() as u16);
-        let sums = sample.tilt.iter().chain(&sample.pistons);
-        let sums = sums.map(|c| (c.get() * f64::from(ADC_SCANS) + 0.5) as u16);
-        self.writer.frame(kind::ADC, ranges.chain(sums).chain([battery_mv.unwrap_or(NOT_FITTED)]))
+        self.writer.frame(kind::ADC, usual_scan(sample, battery_mv))
     }
+
+    /// The board's: a scan with all eight.
+    pub fn wide_adc(&mut self, sample: &AdcSample, battery_mv: Option<u16>) -> Frame {
+        let more = sample.ir_front[USUAL_SLOTS..].iter().chain(&sample.ir_rear[USUAL_SLOTS..]).map(counts);
+        self.writer.frame(kind::WIDE_ADC, usual_scan(sample, battery_mv).chain(more))
+    }
+}
+
+/// A reading of a range finder.
+fn counts(reading: &AdcCount) -> u16 {
+    reading.get() as u16
+}
+
+fn usual_scan(sample: &AdcSample, battery_mv: Option<u16>) -> impl Iterator<Item = u16> {
+    let ranges = sample.ir_front[..USUAL_SLOTS].iter().chain(&sample.ir_rear[..USUAL_SLOTS]).map(counts);
+    let sums = sample.tilt.iter().chain(&sample.pistons);
+    let sums = sums.map(|c| (c.get() * f64::from(ADC_SCANS) + 0.5) as u16);
+    ranges.chain(sums).chain([battery_mv.unwrap_or(NOT_FITTED)])
 }

@@ -17,7 +17,7 @@ pub struct Sensors {
     pub gyro_yaw: i16,
     /// Pulses of the last encoder window.
     pub encoder_pulses: u16,
-    /// Front range finders, counts.
+    /// Front range finders, counts: the six leftmost, as those below; a car may have eight.
     pub ir_front: [u16; 6],
     /// Rear range finders, counts.
     pub ir_rear: [u16; 6],

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use xtb_control::goto::Maneuver;
+use xtb_control::infrared::BumperRanges;
 use xtb_control::{Mode, Outputs, PwmCount};
 
 /// Everything that one step decided, as the trace prints it.
@@ -46,8 +47,10 @@ struct Pose {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Ranges {
-    front: [Option<f64>; 6],
-    rear: [Option<f64>; 6],
+    #[cfg_attr(feature = "schema", schemars(length(min = 6, max = 8)))]
+    front: Vec<Option<f64>>,
+    #[cfg_attr(feature = "schema", schemars(length(min = 6, max = 8)))]
+    rear: Vec<Option<f64>>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -99,7 +102,8 @@ impl Decision {
     fn new(outputs: &Outputs, number: fn(f64) -> f64) -> Self {
         let Outputs { pwm, pose, goto, tilt, duties, obstacle, .. } = outputs;
         let [piston_fl, piston_fr, piston_rl, piston_rr] = pwm.pistons;
-        let numbers = |ranges: &[Option<f64>; 6]| ranges.map(|cm| cm.map(number));
+        let numbers = |ranges: &BumperRanges| ranges.map(|cm| cm.map(number));
+        let [front, rear] = super::bumpers(&numbers(&outputs.ir_front_cm), &numbers(&outputs.ir_rear_cm));
         Self {
             t_ns: outputs.t.ns(),
             mode: outputs.mode,
@@ -117,7 +121,7 @@ impl Decision {
             reference_rpm: number(outputs.reference_rpm),
             rpm: number(outputs.rpm),
             pose: Pose { x_m: number(pose.x_m), y_m: number(pose.y_m), yaw_deg: number(pose.yaw.deg()) },
-            ir_cm: Ranges { front: numbers(&outputs.ir_front_cm), rear: numbers(&outputs.ir_rear_cm) },
+            ir_cm: Ranges { front, rear },
             obstacle: Obstacle { front: obstacle.front, rear: obstacle.rear },
             tilt_deg: Tilt { x: tilt.x.map(number), y: tilt.y.map(number) },
             goto: goto.as_ref().map(|decision| Goto {

@@ -1,5 +1,6 @@
 //! The goal's life: how it begins, what is seen of it as it runs, and how it ends.
 
+use super::navigate::BY_HAND;
 use super::requests::Outcome;
 use super::{Agent, Arrival, ENDED_GOALS, View};
 use crate::authority::goal::{Goal, Target, TimeLimit};
@@ -53,6 +54,7 @@ impl Agent {
         (on_link_loss, finish_s): (LinkLoss, f64),
         view: View<'_>,
     ) -> Outcome {
+        self.sees_both_ways("wandering", BY_HAND)?;
         let lasting = for_s.map(|s| TimeLimit { at: after(now, s), then: GoalStatus::Reached });
         let bounded = finish_limit(now, on_link_loss, finish_s);
         let mut goal = Goal::accepted(now, client.clone(), id, Target::Anywhere, on_link_loss);

@@ -152,6 +152,10 @@ impl Agent {
 
     /// The memorandum's A-to-B.
     pub(super) fn direct(&self, aim: &TargetPose) -> Result<Command, Refusal> {
+        self.sees_both_ways(
+            "a direct goal",
+            "give the robot a map: planned goals drive only where it looks",
+        )?;
         if aim.yaw_rad.is_some() {
             return Err((
                 RejectCode::Unsupported,
@@ -166,8 +170,22 @@ impl Agent {
         Ok(Command::Goto(point))
     }
 
+    /// Whether range finders look both ahead and astern, as what drives both ways without a plan needs.
+    pub(super) fn sees_both_ways(&self, what: &str, hint: &'static str) -> Result<(), Refusal> {
+        match self.nav.car().gears.unseen() {
+            None => Ok(()),
+            Some(unseen) => {
+                let message = format!("{what} needs range finders in the directions driven, and {unseen}");
+                Err((RejectCode::Unsupported, message, hint))
+            }
+        }
+    }
+
     /// Whether a path to there could be looked for at all.
     pub(super) fn planned_goal(&self, aim: &TargetPose) -> Result<Command, Refusal> {
+        if !self.nav.car().gears.is_any() {
+            return self.sees_both_ways("a goal", BY_HAND).map(|()| STAND);
+        }
         let Some(floor) = self.nav.map() else {
             return Err((
                 RejectCode::NoMap,
@@ -330,5 +348,8 @@ impl Agent {
     }
 }
 
+/// What to do with a car that sees nothing on its way.
+pub(super) const BY_HAND: &str =
+    "drive it by hand: `fleet-cli teleop`; `range_finders` in its settings says what is fitted";
 /// Standing, wheels straight, in mode goto.
 pub(super) const STAND: Command = Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED };

@@ -70,12 +70,12 @@ impl ConverterMonitor {
 }
 
 fn readings(scan: &AdcSample) -> [AdcCount; FINDERS] {
-    std::array::from_fn(|i| if i < 6 { scan.ir_front[i] } else { scan.ir_rear[i - 6] })
+    std::array::from_fn(|i| if i < SLOTS { scan.ir_front[i] } else { scan.ir_rear[i - SLOTS] })
 }
 
 /// Which of them, left to right: "front 3, rear 1".
 fn names(finders: &[Finder; FINDERS], which: impl Fn(&Finder) -> bool) -> String {
-    let name = |i: usize| format!("{} {}", if i < 6 { "front" } else { "rear" }, i % 6 + 1);
+    let name = |i: usize| format!("{} {}", if i < SLOTS { "front" } else { "rear" }, i % SLOTS + 1);
     let named = finders.iter().enumerate().filter(|(_, finder)| which(finder)).map(|(i, _)| name(i));
     named.collect::<Vec<_>>().join(", ")
 }
@@ -90,7 +90,7 @@ mod tests {
 
     /// Scan number `i` of range finders that are never the same twice.
     fn lively(i: u16) -> AdcSample {
-        let side = [count(60 + i % 7); 6];
+        let side = [count(60 + i % 7); SLOTS];
         AdcSample { ir_front: side, ir_rear: side, tilt: [count(517); 2], pistons: [count(512); 4] }
     }
 

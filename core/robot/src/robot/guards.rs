@@ -1,6 +1,7 @@
 //! What holds a robot back beside its brain: a receiver that falls silent, a stick that was never
 //! neutral, a board that is not there; and what is broken, collected for the brain.
 
+use super::ask::Wanted;
 use super::early::EarlyFrames;
 use super::{Heard, LOOP_STALL_MS, Robot};
 use crate::agent::STICK_NEUTRAL_COUNTS;
@@ -95,8 +96,15 @@ impl Robot {
     /// What the board has to be asked for now.
     pub(super) fn ask(&mut self, now: Stamp) -> Option<Ask> {
         let firmware = self.newest.status.map_or(Firmware(0), |status| status.firmware);
-        let missing = self.gyro.watch.unwell_ms(now) > QUIET_MS;
-        self.asker.request(now, firmware, (self.bno085.is_some(), missing))
+        let (imu, wide_scan) = (self.bno085.is_some(), self.needs_wide_scan());
+        let unheard = self.heard.adc.is_none_or(|at| now.since_ms(at) > QUIET_MS);
+        let missing = (imu && self.gyro.watch.unwell_ms(now) > QUIET_MS) || (wide_scan && unheard);
+        self.asker.request(now, firmware, Wanted { imu, wide_scan, missing })
+    }
+
+    /// Whether a scan with six range finders a bumper is not enough.
+    pub(super) fn needs_wide_scan(&self) -> bool {
+        self.vehicle().range_finders.need_wide_scan()
     }
 
     /// What the board gets: what was decided, but no drive while nobody may write the motor, none in
@@ -143,7 +151,7 @@ impl Robot {
                 let wild = faults.iter().any(|(fault, _)| *fault == Fault::EncoderOutOfRange);
                 let silent = silent_kinds(&self.ages(now), speaks_ms);
                 let silent = silent.filter(|fault| !(wild && *fault == Fault::EncoderSilent));
-                faults.extend(silent.map(|fault| (fault, None)));
+                faults.extend(silent.map(|fault| (fault, self.board_detail(fault))));
             }
         }
         if let Some(fault) = gyro {
@@ -164,6 +172,17 @@ impl Robot {
             }
         }
         faults
+    }
+
+    /// Why the board sends no samples of this kind, if its firmware is the reason.
+    fn board_detail(&self, fault: Fault) -> Option<Arc<str>> {
+        let firmware = self.newest.status?.firmware;
+        let too_old =
+            fault == Fault::ConverterSilent && self.needs_wide_scan() && !firmware.sends_wide_scans();
+        too_old.then(|| {
+            format!("firmware {firmware} of the I/O board sends six range finders a bumper, the car has more")
+                .into()
+        })
     }
 
     /// The system's words on the gyro's line; of a BNO085 its name, and whether its board can be the reason.

@@ -64,7 +64,9 @@ impl Robot {
                 self.step(now, &Sample::Encoder { pulses: u32::from(pulses) });
                 self.watch_window(now, pulses);
             }
-            FromBoard::Adc { sample, battery_mv } => {
+            // Not all of the car's range finders: it has been asked for a wide one.
+            FromBoard::Adc { is_wide: false, .. } if self.needs_wide_scan() => {}
+            FromBoard::Adc { sample, battery_mv, .. } => {
                 self.heard.adc = Some(now);
                 (self.newest.adc, self.newest.battery_mv) = (Some(sample), battery_mv);
                 self.monitors.scan(self.controller.config(), now, &sample, battery_mv);

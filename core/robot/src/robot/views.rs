@@ -6,6 +6,7 @@ use crate::faults::INPUT_LOST_MS;
 use crate::motion::Motion;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::pistons::height_m;
+use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
 use xtb_control::{AdcCount, PwmCount, Stamp};
 use xtb_protocol::bno085::{Bno085Counter, RVC_LEN};
 use xtb_protocol::board::{BoardIdentity, BoardStatus, LineCounters};
@@ -107,7 +108,8 @@ impl Robot {
         };
         let fresh = |age: Option<u64>| age.is_some_and(|ms| ms <= INPUT_LOST_MS);
         let converted = fresh(ages.adc);
-        let seen = |side: bool| converted.then_some(side);
+        let gears = self.vehicle().range_finders.gears();
+        let seen = |side: bool, is_fitted: bool| (converted && is_fitted).then_some(side);
         let battery_mv = self.newest.battery_mv.filter(|_| converted);
         let (board, gyro) = (self.board.reader.counters(), self.gyro_counts());
         let seq = self.state_seq;
@@ -126,8 +128,8 @@ impl Robot {
             reference_rpm: self.outputs.reference_rpm,
             steering: self.outputs.steering,
             obstacle: ObstacleView {
-                front: seen(self.outputs.obstacle.front),
-                rear: seen(self.outputs.obstacle.rear),
+                front: seen(self.outputs.obstacle.front, gears.ahead),
+                rear: seen(self.outputs.obstacle.rear, gears.astern),
             },
             tilt_deg: TiltState {
                 x: self.outputs.tilt.x.filter(|_| converted),
@@ -178,7 +180,7 @@ impl Robot {
     #[must_use]
     pub fn sensors(&self, now: Stamp) -> Option<Sensors> {
         let adc = self.newest.adc?;
-        let counts = |side: &[AdcCount; 6]| side.map(|count| count.get() as u16);
+        let counts = |side: &[AdcCount; SLOTS]| usual(&side.map(|count| count.get() as u16));
         let pwm = &self.outputs.pwm;
         let remote = self.newest.remote;
         let limits = &self.controller.config().pistons;
@@ -189,8 +191,8 @@ impl Robot {
             encoder_pulses: self.newest.pulses,
             ir_front: counts(&adc.ir_front),
             ir_rear: counts(&adc.ir_rear),
-            ir_front_cm: self.outputs.ir_front_cm,
-            ir_rear_cm: self.outputs.ir_rear_cm,
+            ir_front_cm: usual(&self.outputs.ir_front_cm),
+            ir_rear_cm: usual(&self.outputs.ir_rear_cm),
             tilt: adc.tilt.map(AdcCount::get),
             pistons: adc.pistons.map(AdcCount::get),
             pistons_m: adc.pistons.map(|reading| height_m(limits, reading)),
@@ -205,4 +207,9 @@ impl Robot {
             piston_counts: pwm.pistons.map(PwmCount::get),
         })
     }
+}
+
+/// What the message has room for.
+fn usual<T: Copy>(side: &[T; SLOTS]) -> [T; USUAL_SLOTS] {
+    std::array::from_fn(|slot| side[slot])
 }

@@ -7,6 +7,7 @@ use crate::faults::INPUT_LOST_MS;
 use crate::line::LineFault;
 use crate::monitor::{Driven, SignsOfLife};
 use xtb_control::controller::AdcSample;
+use xtb_control::vehicle::SLOTS;
 use xtb_control::{AdcCount, Mode, PwmCount, Stamp};
 use xtb_protocol::messages::{BatteryLevel, Fault};
 
@@ -41,7 +42,8 @@ impl Robot {
     /// An encoder window, after the controller's step. Wheels that ran away or did not turn under the
     /// transmitter want to see a neutral stick before they are driven again.
     pub(super) fn watch_window(&mut self, now: Stamp, pulses: u16) {
-        self.monitors.window(self.controller.config(), now, pulses);
+        let most_mps = self.vehicle().by_hand_mps(self.outputs.demanded);
+        self.monitors.window(self.controller.config(), now, pulses, most_mps);
         // The pulse that was decided now stays until the next window, whatever is asked for meanwhile.
         self.watch_drive(self.pulses().motor);
         let of_the_drive = |fault: Fault| matches!(fault, Fault::Runaway | Fault::Stalled);
@@ -67,7 +69,10 @@ impl Robot {
     pub(super) fn seen(&self, scan: AdcSample) -> AdcSample {
         match self.guards.on(Guard::Obstacle) {
             true => scan,
-            false => AdcSample { ir_front: [AdcCount::ZERO; 6], ir_rear: [AdcCount::ZERO; 6], ..scan },
+            false => {
+                let nothing = [AdcCount::ZERO; SLOTS];
+                AdcSample { ir_front: nothing, ir_rear: nothing, ..scan }
+            }
         }
     }
 

@@ -5,7 +5,7 @@
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::frames::MapPose;
 use xtb_control::tpu::{ResetMask, Setup};
-use xtb_control::vehicle::Imu;
+use xtb_control::vehicle::{Imu, SLOTS, USUAL_SLOTS};
 use xtb_control::{AdcCount, PwmCount, Stamp, VehicleConfig};
 use xtb_protocol::bno085::Bno085Sample;
 use xtb_protocol::board::{Ask, BoardStatus, Firmware, FrameReader, FrameWriter, ToBoard};
@@ -28,6 +28,8 @@ pub(crate) struct Bench {
     pub(crate) steer_front: PwmCount,
     /// Counts of the front range finders; 60 = nothing in range, 300 = something near.
     pub(crate) front: u16,
+    /// The same of the seventh and eighth.
+    pub(crate) last_front: u16,
     pub(crate) board_silent: bool,
     pub(crate) gyro_silent: bool,
     pub(crate) adc_silent: bool,
@@ -93,6 +95,7 @@ impl Bench {
             motor: PwmCount::NEUTRAL,
             steer_front: PwmCount::NEUTRAL,
             front: 60,
+            last_front: 60,
             board_silent: false,
             gyro_silent: false,
             adc_silent: false,
@@ -188,14 +191,18 @@ impl Bench {
         }
         if at.is_multiple_of(40) && !self.adc_silent {
             let count = |n: u16| AdcCount::try_from(n).unwrap();
+            // A count of noise, which is no distance.
+            let mut ir_front = [count(self.front + (at / 40 % 2) as u16); SLOTS];
+            ir_front[USUAL_SLOTS..].fill(count(self.last_front + (at / 40 % 2) as u16));
             let sample = AdcSample {
-                // A count of noise, which is no distance.
-                ir_front: [count(self.front + (at / 40 % 2) as u16); 6],
-                ir_rear: [count(60 + (at / 40 % 2) as u16); 6],
+                ir_front,
+                ir_rear: [count(60 + (at / 40 % 2) as u16); SLOTS],
                 tilt: self.tilt.map(count),
                 pistons: [count(512); 4],
             };
-            let frame = self.board.adc(&sample, Some(7800));
+            let is_wide = self.asks.last().is_some_and(|ask| ask.wide_scan);
+            let write = if is_wide { FrameWriter::wide_adc } else { FrameWriter::adc };
+            let frame = write(&mut self.board, &sample, Some(7800));
             self.robot.board_bytes(self.now, frame.as_bytes());
         }
     }

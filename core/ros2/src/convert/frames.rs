@@ -6,7 +6,7 @@ use crate::types::{Header, Pose, TfMessage, Time, Transform, TransformStamped, V
 use std::f64::consts::PI;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
-use xtb_control::vehicle::SLOTS;
+use xtb_control::vehicle::USUAL_SLOTS;
 use xtb_protocol::Name;
 
 /// The names of a robot's frames.
@@ -19,7 +19,8 @@ pub struct Frames {
     pub base_link: String,
     /// Of the gyro.
     pub imu: String,
-    /// Of the range finders: front, then rear, left to right seen from above with the truck pointing up.
+    /// Of the range finders: front, then rear, left to right seen from above with the truck pointing up, the leftmost
+    /// six of each.
     pub ranges: [String; 12],
 }
 
@@ -53,8 +54,8 @@ impl Frames {
         };
         let range = |(i, frame): (usize, &'a String)| {
             let finders = &vehicle.range_finders;
-            let is_front = i < SLOTS;
-            let finder = if is_front { &finders.front } else { &finders.rear }.get(i % SLOTS)?;
+            let is_front = i < USUAL_SLOTS;
+            let finder = if is_front { &finders.front } else { &finders.rear }.get(i % USUAL_SLOTS)?;
             let turned_rad = finder.turned_deg.to_radians();
             let pose = match is_front {
                 true => at(vehicle.front_m() + finder.ahead_m, finder.left_m, turned_rad),

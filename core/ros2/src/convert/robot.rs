@@ -8,9 +8,8 @@ use crate::types::{
 };
 use xtb_control::VehicleConfig;
 use xtb_control::frames::{MapPose, wrap_rad};
-use xtb_control::infrared::BumperRanges;
 use xtb_control::range_curve::RangeCurve;
-use xtb_control::vehicle::SLOTS;
+use xtb_control::vehicle::USUAL_SLOTS;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{PoseState, RobotState};
 use xtb_robot::motion::Motion;
@@ -24,6 +23,8 @@ const YAW_RATE_VARIANCE: f64 = 1e-4;
 /// A beam's width is given at this distance, in m.
 const BEAM_AT_M: f64 = 0.8;
 const INFRARED: u8 = 1;
+/// Readings of a bumper in cm, left to right; `None` = nothing in range.
+type SixRanges = [Option<f64>; USUAL_SLOTS];
 const DISCHARGING: u8 = 2;
 /// Poses of a path are this far apart, in m.
 const PLAN_STEP_M: f64 = 0.05;
@@ -121,13 +122,14 @@ impl Robot {
         })
     }
 
-    /// The range finders that are fitted, as the controller has them in cm; in the order of [`Frames::ranges`].
+    /// The range finders that are fitted, as the message `Sensors` has them in cm, so the leftmost six of a bumper; in
+    /// the order of [`Frames::ranges`].
     #[must_use]
-    pub fn ranges(&self, stamp: &Time, front_cm: &BumperRanges, rear_cm: &BumperRanges) -> Vec<Range> {
+    pub fn ranges(&self, stamp: &Time, front_cm: &SixRanges, rear_cm: &SixRanges) -> Vec<Range> {
         let finders = [&self.vehicle.range_finders.front, &self.vehicle.range_finders.rear];
         let readings = front_cm.iter().chain(rear_cm).zip(&self.frames.ranges).enumerate();
         let range = |(i, (cm, frame)): (usize, (&Option<f64>, &String))| {
-            let finder = finders[i / SLOTS].get(i % SLOTS)?;
+            let finder = finders[i / USUAL_SLOTS].get(i % USUAL_SLOTS)?;
             let limits_m = limits_m(finder.curve);
             Some(Range {
                 header: header(stamp, frame),

@@ -4,7 +4,7 @@ use crate::drawing::{BLUE, DASHED, Floor, INK, ORANGE, RED, SOLID};
 use crate::drive::Drive;
 use plotters::style::{Color, RGBColor};
 use std::collections::BTreeMap;
-use xtb_nav::{Car, MapPose, Path};
+use xtb_nav::{Car, Gears, MapPose, Path};
 use xtb_protocol::messages::{GoalStatus, Outcome};
 use xtb_sim::{BoxSpec, World};
 
@@ -49,7 +49,13 @@ pub(crate) fn draw(file: &std::path::Path) {
     floor.grid(map.grid());
     for (x_m, y_m, side_m, yaw_rad) in STRANGERS {
         let half_m = side_m / 2.0;
-        let shape = Car { front_m: half_m, rear_m: half_m, half_width_m: half_m, radius_m: f64::INFINITY };
+        let shape = Car {
+            front_m: half_m,
+            rear_m: half_m,
+            half_width_m: half_m,
+            radius_m: f64::INFINITY,
+            gears: Gears::BOTH,
+        };
         let corners = shape.corners(&MapPose { x_m, y_m, yaw_rad });
         floor.shape(corners, RGBColor(0xd9, 0xa8, 0).stroke_width(3).filled(), DASHED);
     }

@@ -49,6 +49,7 @@ mod tests {
     use crate::world::World;
     use xtb_control::frames::wrap_rad;
     use xtb_control::units::Stamp;
+    use xtb_control::vehicle::SLOTS;
 
     fn simulation() -> Simulation {
         Simulation::new(World::default(), &TruckParameters::default(), &["xtb-1"], 1).unwrap()
@@ -87,8 +88,8 @@ mod tests {
             simulation.hold_before(0, &finder, is_rear, 0.2).unwrap();
             run_s(&mut simulation, 0.2);
             let volts = simulation.trucks()[0].range_finder_volts();
-            let seen: Vec<_> = (0..12).filter(|i| volts[*i] > 0.8).collect();
-            assert_eq!(seen, [slot + 6 * usize::from(is_rear)], "{volts:?}");
+            let seen: Vec<_> = (0..volts.len()).filter(|i| volts[*i] > 0.8).collect();
+            assert_eq!(seen, [slot + SLOTS * usize::from(is_rear)], "{volts:?}");
         }
         simulation.take_away();
         run_s(&mut simulation, 0.2);

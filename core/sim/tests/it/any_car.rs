@@ -22,6 +22,9 @@ const LAB: &str = include_str!("../../../../worlds/lab.toml");
 const ROOM: &str = "[room]\nwidth_m = 12.0\ndepth_m = 12.0\n";
 /// Longer than any way in these rooms takes.
 const PATIENCE_S: f64 = 400.0;
+/// Between two looks at which way it drives, and what is driving.
+const LOOK_S: f64 = 0.25;
+const DRIVES_MPS: f64 = 0.02;
 
 /// One of [`FILES`].
 pub(crate) fn file((name, text): (&str, &str)) -> VehicleFile {
@@ -46,6 +49,8 @@ pub(crate) struct Way {
     pub(crate) seed: u64,
     pub(crate) came: Came,
     pub(crate) contacts: u64,
+    /// Whether it has driven in a direction in which it has no range finder.
+    pub(crate) unseen: bool,
     /// From the goal to where the car really is at the end, in m.
     pub(crate) missed_m: f64,
 }
@@ -83,9 +88,9 @@ pub(crate) fn drawn(seed: u64) -> VehicleConfig {
     car
 }
 
-/// One to six of a kind, evenly over most of the width.
+/// None to eight of a kind, evenly over most of the width.
 fn bumper(draw: &mut Draw, width_m: f64) -> BumperFinders {
-    let number = 1 + draw.below(6);
+    let number = draw.below(9);
     let curve = [RangeCurve::Gp2d12, RangeCurve::Gp2y0a21, RangeCurve::Gp2y0a02][draw.below(3)];
     // The last of them is blind nearer than 20 cm: usually it stands back from the bumper.
     let is_back = curve == RangeCurve::Gp2y0a02 && draw.below(5) > 0;
@@ -104,7 +109,13 @@ pub(crate) fn anyone(seed: u64) -> Way {
     let vehicle = drawn(seed);
     let checked = vehicle.validate().and_then(|()| NavSettings::default().validate_for(&vehicle));
     if let Err(error) = checked {
-        return Way { seed, came: Came::Refused(error.to_string()), contacts: 0, missed_m: 0.0 };
+        return Way {
+            seed,
+            came: Came::Refused(error.to_string()),
+            contacts: 0,
+            unseen: false,
+            missed_m: 0.0,
+        };
     }
     let mut draw = Draw::new(seed);
     let start = MapPose { x_m: 0.0, y_m: 0.0, yaw_rad: draw.uniform(-PI, PI) };
@@ -133,10 +144,19 @@ fn way(world: &str, file: &VehicleFile, seed: u64, start: MapPose, [x_m, y_m]: [
     let mut drive = Drive::by_file(World::from_toml(world).unwrap(), start, file, seed);
     let here = |drive: &Drive| drive.lockstep.simulation().trucks()[0].truth();
     let asked = drive.goto(0, x_m, y_m, None);
+    let gears = file.vehicle.range_finders.gears();
+    let mut unseen = false;
     let came = match asked {
         Outcome::Error(error) => Came::Refused(error.message),
         Outcome::Ok(_) => {
-            let state = drive.wait(0, PATIENCE_S);
+            let state = (0..(PATIENCE_S / LOOK_S) as u32).find_map(|_| {
+                drive.run_s(LOOK_S);
+                let mps = here(&drive).speed_mps;
+                unseen |= mps.abs() > DRIVES_MPS && !gears.allow(mps);
+                let state = drive.lockstep.state(0).unwrap();
+                state.goal.as_ref().is_none_or(|goal| goal.status.is_final()).then_some(state)
+            });
+            let state = state.unwrap_or_else(|| drive.lockstep.state(0).unwrap());
             let moved_m = libm::hypot(here(&drive).x_m - start.x_m, here(&drive).y_m - start.y_m);
             let goal = state.goal.as_ref();
             let reason = goal.and_then(|goal| goal.reason.clone()).unwrap_or_else(|| "no reason".to_owned());
@@ -149,5 +169,5 @@ fn way(world: &str, file: &VehicleFile, seed: u64, start: MapPose, [x_m, y_m]: [
     };
     let truth = here(&drive);
     let missed_m = libm::hypot(truth.x_m - x_m, truth.y_m - y_m);
-    Way { seed, came, contacts: truth.contacts, missed_m }
+    Way { seed, came, contacts: truth.contacts, unseen, missed_m }
 }

@@ -2,6 +2,7 @@
 
 use crate::agent::{board_frames, set_up, steps};
 use xtb_control::controller::AdcSample;
+use xtb_control::vehicle::SLOTS;
 use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, LineCounters};
 use xtb_protocol::gyro_3dmg::{EulerFrame, GyroFrame, GyroReader, START_CONTINUOUS};
 use xtb_sim::{
@@ -125,7 +126,8 @@ fn with_sensor_faults(
 fn every_broken_sensor_shows_what_it_should_and_is_whole_again() {
     let mut simulation = running();
     let mut faults = SensorFaults::range_finder(2, RangeFinderFault::BrokenWire);
-    (faults.range_finders[3], faults.range_finders[6]) = (RangeFinderFault::Short, RangeFinderFault::Frozen);
+    (faults.range_finders[3], faults.range_finders[SLOTS]) =
+        (RangeFinderFault::Short, RangeFinderFault::Frozen);
     (faults.gyro, faults.encoder) = (GyroFault::AnglesFrozen, EncoderFault::Wild);
     let (scans, windows, angles) = with_sensor_faults(&mut simulation, faults);
     let all = |what: fn(&AdcSample, &AdcSample) -> bool| scans.iter().all(|scan| what(scan, &scans[0]));

@@ -3,7 +3,7 @@
 use crate::draw::Draw;
 use std::f64::consts::PI;
 use xtb_control::frames::MapPose;
-use xtb_nav::{Car, Path};
+use xtb_nav::{Car, Gears, Path};
 use xtb_sim::BoxSpec;
 
 const PILLARS: usize = 12;
@@ -99,7 +99,13 @@ pub(crate) fn pillars(seed: u64, path: &Path, car: &Car, margins: &Margins) -> V
             yaw_rad: draw.uniform(-PI, PI),
         };
         let half_m = width_m / 2.0;
-        let pillar = Car { front_m: half_m, rear_m: half_m, half_width_m: depth_m / 2.0, radius_m: 1.0 };
+        let pillar = Car {
+            front_m: half_m,
+            rear_m: half_m,
+            half_width_m: depth_m / 2.0,
+            radius_m: 1.0,
+            gears: Gears::BOTH,
+        };
         if found.len() < PILLARS && swept.is_clear_of(&pillar, &place) {
             let MapPose { x_m, y_m, yaw_rad } = place;
             found.push(BoxSpec { x_m, y_m, width_m, depth_m, yaw_rad });

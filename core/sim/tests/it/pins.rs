@@ -3,6 +3,7 @@
 use crate::agent::steps;
 use std::sync::{Arc, Mutex};
 use xtb_control::units::Stamp;
+use xtb_control::vehicle::USUAL_SLOTS;
 use xtb_sim::{
     DriveFault, EncoderFault, ExternalBoard, Pins, Pulses, STEP_NS, SensorFaults, Simulation, Transmitter,
     TruckParameters, World,
@@ -105,7 +106,7 @@ fn it_has_the_voltages_of_what_is_before_the_truck_and_the_receivers_pulses() {
     // The inverse of the memorandum's formula (§4.5).
     let expected_v = (6787.0 / (gap_cm + 4.0) + 3.0) * 5.0 / 1024.0;
     for (i, v) in pins.range_finders_v.iter().enumerate() {
-        let right = if i < 6 { (v - expected_v).abs() < 0.1 } else { *v < 0.5 };
+        let right = if i < USUAL_SLOTS { (v - expected_v).abs() < 0.1 } else { *v < 0.5 };
         assert!(right, "range finder {i}: {v} V, {expected_v} V before the wall");
     }
     assert_eq!(pins.battery_v, truck.battery_v());

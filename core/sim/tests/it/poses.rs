@@ -8,7 +8,7 @@ use crate::troubled::Trouble;
 use xtb_control::frames::MapPose;
 use xtb_control::{Command, VehicleConfig};
 use xtb_nav::obstacle_layer::BumperScan;
-use xtb_nav::{Car, Cell, Grid, ObstacleLayer};
+use xtb_nav::{Car, Cell, Gears, Grid, ObstacleLayer};
 use xtb_sim::{BoxSpec, FixTruth, TruckParameters, World};
 
 const TRUCKS: u64 = 4;
@@ -118,7 +118,7 @@ fn whatever_is_wrong_with_the_fixes_the_pose_knows_how_far_it_is_off() {
 const CRATE: BoxSpec = BoxSpec { x_m: 1.2, y_m: 0.8, width_m: 0.5, depth_m: 0.3, yaw_rad: 0.4 };
 
 fn from_crate_m(x_m: f64, y_m: f64) -> f64 {
-    let half = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.15, radius_m: 1.0 };
+    let half = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.15, radius_m: 1.0, gears: Gears::BOTH };
     half.distance_m(&MapPose { x_m: CRATE.x_m, y_m: CRATE.y_m, yaw_rad: CRATE.yaw_rad }, [x_m, y_m])
 }
 

@@ -87,6 +87,7 @@ fn two_hundred_cars_drawn_at_random_arrive_or_are_refused_with_the_reason_before
     let failed: Vec<_> = all.iter().filter(|way| matches!(way.came, Came::Failed(_))).collect();
     assert!(failed.is_empty(), "{failed:?}");
     assert_eq!(all.iter().map(|way| way.contacts).sum::<u64>(), 0);
+    assert!(all.iter().all(|way| !way.unseen), "nobody drives where it does not look");
     let reached = all.iter().filter(|way| way.came == Came::Reached).count();
     assert!((80..190).contains(&reached), "{reached} of 200 arrive, the others are refused");
     let missed_m = all.iter().filter(|way| way.came == Came::Reached).map(|way| way.missed_m);

@@ -72,7 +72,8 @@ impl Occupancy {
         let away = MapPose { x_m: AWAY_M, y_m: AWAY_M, yaw_rad: 0.0 };
         let Some(last) = self.ticks.len().checked_sub(1) else { return Self::default() };
         let end = (until as usize).min(last.max(from as usize));
-        let point = Car { front_m: 0.0, rear_m: 0.0, half_width_m: 0.0, radius_m: 1.0 };
+        let point =
+            Car { front_m: 0.0, rear_m: 0.0, half_width_m: 0.0, radius_m: 1.0, gears: xtb_nav::Gears::BOTH };
         let mut ticks = vec![Stand::still(&point, &away); from as usize];
         ticks.extend((from as usize..=end).map(|tick| self.ticks[tick.min(last)]));
         Self::build(ticks, Vec::new(), until.saturating_add(1))

@@ -152,9 +152,9 @@ impl<'a> Search<'a> {
 
     /// Straight to the goal along a Reeds–Shepp curve.
     fn shoot(&mut self, tree: &mut Tree<Node>, index: u32, pose: &MapPose) {
-        let radius_m = self.radius_m;
-        let mut ways: Vec<Path> =
-            self.goals.iter().map(|goal| reeds_shepp::shortest(pose, goal, radius_m)).collect();
+        let (radius_m, gears) = (self.radius_m, self.task.car.gears);
+        let way = |goal| reeds_shepp::shortest_in(gears, pose, goal, radius_m);
+        let mut ways: Vec<Path> = self.goals.iter().filter_map(way).collect();
         ways.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         for way in ways.iter().take(3) {
             if self.go(tree, index, &way.pieces, true) {
@@ -332,6 +332,9 @@ impl Expand for Search<'_> {
         for &ticks in self.grain.moves {
             for (turn, gear) in [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)]
             {
+                if !self.task.car.gears.allow(gear) {
+                    continue;
+                }
                 let length_m = TICK_WAY_M * f64::from(ticks) * gear;
                 let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
                 self.go(tree, index, &[piece], false);
@@ -352,7 +355,7 @@ mod tests {
     use crate::coordinator::room::GridRoom;
     use crate::coordinator::task::{Other, Target};
     use xtb_control::VehicleConfig;
-    use xtb_nav::Car;
+    use xtb_nav::{Car, Gears};
 
     fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
         MapPose { x_m, y_m, yaw_rad }
@@ -369,15 +372,37 @@ mod tests {
         goal: MapPose,
         lines: &[Occupancy],
     ) -> (Result<Vec<Leg>, Stuck>, u32) {
-        let car = Car::of(&VehicleConfig::default());
+        find_for(&Car::of(&VehicleConfig::default()), room, start, goal, lines)
+    }
+
+    fn find_for(
+        car: &Car,
+        room: &GridRoom,
+        start: MapPose,
+        goal: MapPose,
+        lines: &[Occupancy],
+    ) -> (Result<Vec<Leg>, Stuck>, u32) {
         let target = Some(Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: Some(goal.yaw_rad) });
         let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
         let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, separation_m: 0.08 }).collect();
         let (others, soft) = (&others[..], &[][..]);
-        let task = Task { room, car: &car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
+        let task = Task { room, car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
         let mut left = 5000;
         let found = search(&task, left, &mut left);
         (found, 5000 - left)
+    }
+
+    #[test]
+    fn a_car_that_looks_one_way_only_is_sent_that_way_only() {
+        let room = rooms();
+        for gears in [Gears { ahead: true, astern: false }, Gears { ahead: false, astern: true }] {
+            let car = Car { gears, ..Car::of(&VehicleConfig::default()) };
+            for yaw_rad in [0.0, 1.5, 3.0, -1.5] {
+                let (legs, _) = find_for(&car, &room, pose(1.5, 1.5, yaw_rad), pose(8.0, 4.0, 0.0), &[]);
+                let legs = legs.unwrap_or_else(|stuck| panic!("{gears:?} from {yaw_rad}: {stuck:?}"));
+                assert!(legs.iter().all(|leg| gears.allow(leg.piece.length_m)), "{legs:?}");
+            }
+        }
     }
 
     #[test]

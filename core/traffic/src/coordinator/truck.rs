@@ -8,7 +8,7 @@ use xtb_control::Stamp;
 use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::navigator::STANDS_MPS;
 use xtb_nav::navigator::right_of_way::{HEARD_MS, STOPS_S};
-use xtb_nav::{Car, MapPose};
+use xtb_nav::{Car, Gears, MapPose};
 
 /// Without a report for so long a truck is driven around, in ms: twice as long as a robot is known to other
 /// robots, since the others plan anew then, while it stops at its release's end anyhow.
@@ -37,7 +37,8 @@ const MISSED_MS: u64 = 500;
 
 /// The body of a truck that has not said what car it is: it is driven around with room to spare, twice an
 /// XTB's length, and not led.
-const UNKNOWN_CAR: Car = Car { front_m: 0.5, rear_m: 0.5, half_width_m: 0.5, radius_m: 1.0 };
+const UNKNOWN_CAR: Car =
+    Car { front_m: 0.5, rear_m: 0.5, half_width_m: 0.5, radius_m: 1.0, gears: Gears::BOTH };
 
 /// A way that has been given to a truck.
 #[derive(Debug, Clone)]

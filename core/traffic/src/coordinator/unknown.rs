@@ -74,7 +74,13 @@ impl Unknown {
     pub(super) fn blocks(&self) -> impl Iterator<Item = Block> {
         self.things.iter().map(|thing| {
             let pose = MapPose { x_m: thing.at_m[0], y_m: thing.at_m[1], yaw_rad: 0.0 };
-            let square = Car { front_m: HALF_M, rear_m: HALF_M, half_width_m: HALF_M, radius_m: 1.0 };
+            let square = Car {
+                front_m: HALF_M,
+                rear_m: HALF_M,
+                half_width_m: HALF_M,
+                radius_m: 1.0,
+                gears: xtb_nav::Gears::BOTH,
+            };
             let stands = vec![Stand::still(&square, &pose)];
             Block { id: thing.id, name: "an unmapped obstacle".to_owned(), stands }
         })

@@ -13,7 +13,8 @@ const NOTHING: f64 = 1e-6;
 /// The ways to the goal with at most `most` steps that keep off obstacles' rough reach; fewest first.
 pub(crate) fn words(driver: &Driver, from: &Spot, step: f64, most: usize) -> Vec<Path> {
     let mut paths = reeds_shepp::all(&from.pose(), &driver.goal, driver.radius);
-    paths.retain(|path| steps(path, step) <= most);
+    let drives = |path: &Path| path.pieces.iter().all(|piece| driver.gears.allow(piece.length_m));
+    paths.retain(|path| steps(path, step) <= most && drives(path));
     paths.sort_by_key(|path| steps(path, step));
     paths.truncate(WORDS);
     paths

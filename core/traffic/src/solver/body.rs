@@ -119,7 +119,8 @@ mod tests {
 
     #[test]
     fn at_a_spot_a_body_is_what_it_is_at_its_pose() {
-        let car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
+        let car =
+            Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: xtb_nav::Gears::BOTH };
         for step in 0..400 {
             let pose = MapPose { x_m: f64::from(step % 20), y_m: 3.7, yaw_rad: f64::from(step) * 0.1 };
             assert_eq!(Body::new(&car).at(&Spot::new(&pose)), Rect::body(&car, &pose));
@@ -128,7 +129,13 @@ mod tests {
 
     #[test]
     fn cars_that_swap_places_within_a_step_touch() {
-        let body = Body::new(&Car { front_m: 0.2, rear_m: 0.2, half_width_m: 0.2, radius_m: 3.0 });
+        let body = Body::new(&Car {
+            front_m: 0.2,
+            rear_m: 0.2,
+            half_width_m: 0.2,
+            radius_m: 3.0,
+            gears: xtb_nav::Gears::BOTH,
+        });
         let ahead = Piece { length_m: 2.0, curvature_per_m: 0.0 };
         let (a, b) = (spot(0.0, 0.0, 0.0), spot(2.0, 0.0, std::f64::consts::PI));
         assert!(!pass((&body, &a, &ahead), (&body, &b, &ahead), 0.01));

@@ -216,7 +216,13 @@ fn hits(car: &Car, pose: &MapPose, obstacle: &Obstacle, touch: f64) -> bool {
         Obstacle::Disc { x_m, y_m, radius_m } => car.distance_m(pose, [x_m, y_m]) < radius_m - touch,
         Obstacle::Box { middle, half_length_m, half_width_m } => {
             let radius_m = f64::INFINITY;
-            let solid = Car { front_m: half_length_m, rear_m: half_length_m, half_width_m, radius_m };
+            let solid = Car {
+                front_m: half_length_m,
+                rear_m: half_length_m,
+                half_width_m,
+                radius_m,
+                gears: car.gears,
+            };
             car.grown(-touch).overlaps(pose, &solid, &middle)
         }
     }

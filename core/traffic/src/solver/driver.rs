@@ -7,7 +7,7 @@ use super::obstacle_index::{Keep, ObstacleIndex};
 use super::places::Places;
 use super::problem::{Problem, Task};
 use std::sync::Arc;
-use xtb_nav::{MapPose, Piece};
+use xtb_nav::{Gears, MapPose, Piece};
 
 /// One car, ready for the search.
 #[derive(Debug)]
@@ -15,9 +15,11 @@ pub(crate) struct Driver {
     pub(crate) name: String,
     pub(crate) body: Body,
     pub(crate) radius: f64,
+    /// In which directions it drives.
+    pub(crate) gears: Gears,
     pub(crate) start: Spot,
     pub(crate) goal: MapPose,
-    /// Straight, left and right, ahead and astern.
+    /// Straight, left and right, ahead and astern as its gears allow.
     pub(crate) moves: Vec<Piece>,
     /// From obstacles.
     pub(crate) keep: Keep,
@@ -34,14 +36,14 @@ impl Driver {
         known: Option<&Self>,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Option<Self> {
-        let (name, radius, goal) = (task.name.clone(), task.car.radius_m, places.goal);
+        let (name, radius, gears, goal) = (task.name.clone(), task.car.radius_m, task.car.gears, places.goal);
         let (start, moves) = (Spot::new(&places.start), Vec::new());
         if let Some(known) = known {
             let (moves, to_goal) = (known.moves.clone(), known.to_goal.clone());
-            return Some(Self { name, body, radius, start, goal, moves, keep, to_goal });
+            return Some(Self { name, body, radius, gears, start, goal, moves, keep, to_goal });
         }
         let to_goal = Arc::new(CostToGo::unknown(problem));
-        let mut driver = Self { name, body, radius, start, goal, moves, keep, to_goal };
+        let mut driver = Self { name, body, radius, gears, start, goal, moves, keep, to_goal };
         driver.look(problem, obstacles, Grain::COARSE, keep_going)?;
         Some(driver)
     }
@@ -55,6 +57,7 @@ impl Driver {
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Option<()> {
         self.moves = grain.moves(problem.step_m, self.radius);
+        self.moves.retain(|piece| self.gears.allow(piece.length_m));
         let (car, ends) = ((&self.body, &self.moves[..], &self.keep), (&self.start, &Spot::new(&self.goal)));
         self.to_goal = Arc::new(CostToGo::flood(problem, grain, obstacles, car, ends, keep_going)?);
         Some(())

@@ -8,10 +8,11 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 use xtb_nav::geometry::path::wrap_rad;
 use xtb_nav::planner::space::OneWay;
-use xtb_nav::{Car, Cell, Grid, Map, MapPose, Zone, ZoneKind};
+use xtb_nav::{Car, Cell, Gears, Grid, Map, MapPose, Zone, ZoneKind};
 
-const PUBLIC_CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
-const SQUARE: Car = Car { front_m: 1.0, rear_m: 1.0, half_width_m: 0.8, radius_m: 2.0 };
+const PUBLIC_CAR: Car =
+    Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: Gears::BOTH };
+const SQUARE: Car = Car { front_m: 1.0, rear_m: 1.0, half_width_m: 0.8, radius_m: 2.0, gears: Gears::BOTH };
 
 /// Between two starts, or two goals: what the public instances keep.
 const SPACING: f64 = 5.6;
@@ -186,7 +187,7 @@ fn five_trucks_drive_through_a_door_of_a_metre() {
     /// Searches that take a quarter of 2 s on one core.
     const BUDGET: usize = 40;
     // The trucks' own measures, with 0.27 m of look-out at both ends.
-    let car = Car { front_m: 0.52, rear_m: 0.52, half_width_m: 0.2, radius_m: 0.39 };
+    let car = Car { front_m: 0.52, rear_m: 0.52, half_width_m: 0.2, radius_m: 0.39, gears: Gears::BOTH };
     let walls = vec![block(0.0, 3.95, 3.5, 4.05), block(4.5, 3.95, 8.0, 4.05)];
     let task = |i: u32| {
         let aside = f64::from(i) * 1.2 - 2.4;

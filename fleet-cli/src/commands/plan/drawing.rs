@@ -3,7 +3,7 @@
 
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
-use xtb_nav::{Car, MapPose};
+use xtb_nav::{Car, Gears, MapPose};
 use xtb_traffic::solver::{Obstacle, Problem, Schedule, Way};
 
 /// Longer side of the drawing, in pixels; large, since each point is put onto a whole one.
@@ -52,7 +52,8 @@ fn draw(svg: &mut String, problem: &Problem, schedule: &Schedule) -> Drawn {
             }
             Obstacle::Box { middle, half_length_m, half_width_m } => {
                 let (front_m, rear_m) = (half_length_m, half_length_m);
-                let shape = Car { front_m, rear_m, half_width_m, radius_m: f64::INFINITY };
+                let shape =
+                    Car { front_m, rear_m, half_width_m, radius_m: f64::INFINITY, gears: Gears::BOTH };
                 floor.draw(&Polygon::new(shape.corners(&middle).map(<(f64, f64)>::from), THING))?;
             }
         }

@@ -26,12 +26,13 @@ use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
 use xtb_nav::map::raster;
 use xtb_nav::planner::space::OneWay;
-use xtb_nav::{Car, Cell, Grid, Map, MapPose};
+use xtb_nav::{Car, Cell, Gears, Grid, Map, MapPose};
 use xtb_sim::{CHART_RESOLUTION_M, World};
 use xtb_traffic::solver::{Bounds, Obstacle, Problem, ProblemError, Task, Tolerance, obstacles_of};
 
 /// The public instances' car, see their checker's header.
-const PUBLIC_CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
+const PUBLIC_CAR: Car =
+    Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: Gears::BOTH };
 const PUBLIC_DISC: f64 = 0.8;
 const PUBLIC_STEP: f64 = 2.118;
 /// Kept from everything where starts and goals allow it.

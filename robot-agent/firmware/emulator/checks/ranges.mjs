@@ -1,7 +1,7 @@
 // Voltages through the multiplexers, in their places.
 
 import { MS } from '../bench.mjs';
-import { KIND } from '../frames.mjs';
+import { ASK_WIDE, KIND } from '../frames.mjs';
 import { setUp } from './common.mjs';
 
 const COUNTS_A_VOLT = 1024 / 5;
@@ -37,6 +37,8 @@ export function ranges({ bench, row, long, random }) {
     battery = Math.max(battery, Math.abs(words[18] - b.first[14] * 4000));
   }
   row('twelve ranges', `${range.toFixed(2)} counts off, ${scans} sets`, '1 count of 1023', range <= 1);
+  const wide = wideScan(b, random);
+  row('… the other four, if asked for', `${wide.toFixed(2)} counts off`, '1 count of 1023', wide <= 1);
   row('tilt and pistons', `${sums.toFixed(2)} counts off`, '1 count of 1023', sums <= 1);
   row('battery', `${battery.toFixed(0)} mV off`, '20 mV', battery <= 20);
   b.forget();
@@ -44,4 +46,21 @@ export function ranges({ bench, row, long, random }) {
   const all = b.ofKind(KIND.converter);
   const period = (all.at(-1).begin - all[0].begin) / (all.length - 1) / MS;
   row('a scan each', `${period.toFixed(2)} ms`, '38 ms (1 %)', Math.abs(period - 38) < 0.38);
+}
+
+/** How far off the second multiplexer's four range finders are at most, in counts; the first one's stay as they are. */
+function wideScan(b, random) {
+  const usual = b.ofKind(KIND.converter).at(-1).words;
+  for (let channel = 0; channel < 4; channel++) {
+    b.second[channel] = (channel % 2 ? random(2400, 3200) : random(0, 600)) / 1000;
+  }
+  b.forget();
+  b.tell(KIND.ask, [ASK_WIDE]);
+  b.run(85 * MS);
+  const { words } = b.ofKind(KIND.wide).at(-1);
+  b.tell(KIND.ask, [0]);
+  b.run(85 * MS);
+  const off = words.slice(19).map((word, channel) => Math.abs(word - b.second[channel] * COUNTS_A_VOLT));
+  const same = words.slice(0, 12).every((word, channel) => Math.abs(word - usual[channel]) <= 1);
+  return words.length === 23 && same ? Math.max(...off) : Infinity;
 }

@@ -126,6 +126,7 @@ impl Board {
                 let [bits] = words(payload)?;
                 self.outbox.identity |= bits & ask::IDENTITY != 0;
                 self.imu_asked = bits & ask::IMU != 0;
+                self.outbox.wide_scans = bits & ask::WIDE_SCAN != 0;
                 Some(())
             }
             _ => None,

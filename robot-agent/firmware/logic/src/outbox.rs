@@ -3,6 +3,7 @@
 //! The answer to a set-up must not wait behind a scan: the status goes first, and is made at the moment
 //! at which it is sent. A sample that finds its place taken replaces the older one, and is counted.
 
+use crate::scan::{Readings, USUAL, WIDE};
 use xtb_board_codec::{Frame, Writer, kind};
 
 /// What the firmware runs on.
@@ -35,7 +36,9 @@ pub(crate) struct Outbox {
     encoder: Option<u16>,
     remote: Option<[u16; 3]>,
     imu: Option<[u16; 7]>,
-    adc: Option<[u16; 19]>,
+    adc: Option<Readings>,
+    /// Scans go out with all range finders.
+    pub(crate) wide_scans: bool,
     /// Samples that were replaced before they could be sent.
     dropped: u16,
 }
@@ -53,7 +56,7 @@ impl Outbox {
         self.dropped = self.dropped.saturating_add(u16::from(self.imu.replace(sample).is_some()));
     }
 
-    pub(crate) fn adc(&mut self, numbers: [u16; 19]) {
+    pub(crate) fn adc(&mut self, numbers: Readings) {
         self.dropped = self.dropped.saturating_add(u16::from(self.adc.replace(numbers).is_some()));
     }
 
@@ -77,7 +80,8 @@ impl Outbox {
             return Some(writer.frame(kind::IMU, sample));
         }
         if let Some(numbers) = self.adc.take() {
-            return Some(writer.frame(kind::ADC, numbers));
+            let (kind, length) = if self.wide_scans { (kind::WIDE_ADC, WIDE) } else { (kind::ADC, USUAL) };
+            return Some(writer.frame(kind, numbers.into_iter().take(length)));
         }
         core::mem::take(&mut self.identity).then(|| writer.frame(kind::IDENTITY, identity))
     }

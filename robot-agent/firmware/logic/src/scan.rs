@@ -1,10 +1,12 @@
 //! The scan of all voltages in 38 ms (§4.5), through two multiplexers with common address lines.
 //!
 //! ```text
-//!   channel       0..=5        6..=11      12      13      14        15
-//!   first (GP26)  front IR     rear IR     tilt x  tilt y  battery   free
-//!   second (GP27) —            —           FL      FR      RL        RR     pistons
-//!                 once, 4 conversions      eight rounds of 8 conversions (battery 4)
+//!   channel       0..=5         6..=11       12      13      14        15
+//!   first (GP26)  front IR 1–6  rear IR 1–6  tilt x  tilt y  battery   free
+//!   second (GP27) 0..=3: IR     —            FL      FR      RL        RR     pistons
+//!                 once, 4 conversions        eight rounds of 8 conversions (battery 4)
+//!
+//!   0, 1 of the second: the seventh and eighth of the front; 2, 3: those of the rear
 //! ```
 //! After each visit the next channel is selected, so that its voltage has 0.8 ms to settle. The converter
 //! has 12 bits of 3.3 V; the frame has counts of 10 bits of 5 V. Range finders reach the pin directly, tilt
@@ -15,7 +17,14 @@ use xtb_board_codec::{ADC_SCANS, MAX_RANGE, NOT_FITTED};
 
 /// A scan's time.
 const SCAN: Ticks = Ticks::from_ms(38);
+/// Range finders on the first multiplexer, and on the second one.
 const RANGES: usize = 12;
+const MORE_RANGES: usize = 4;
+/// Numbers of a scan with six range finders a bumper, and with all.
+pub(crate) const USUAL: usize = 19;
+pub(crate) const WIDE: usize = USUAL + MORE_RANGES;
+/// Numbers of a scan in the order of a wide frame, whose first ones are those of the usual frame.
+pub(crate) type Readings = [u16; WIDE];
 const ROUNDS: u32 = 8;
 const VISITS: usize = RANGES + 4 * ROUNDS as usize;
 const VISIT: Ticks = Ticks::new(SCAN.get() / VISITS as u64);
@@ -46,6 +55,7 @@ pub(crate) struct Scan {
     place: usize,
     next: Ticks,
     ranges: [u16; RANGES],
+    more_ranges: [u16; MORE_RANGES],
     /// Sums of codes: tilt x and y, battery, nothing.
     first: [u32; 4],
     /// Pistons FL, FR, RL, RR.
@@ -54,7 +64,14 @@ pub(crate) struct Scan {
 
 impl Scan {
     pub(crate) fn begin(now: Ticks) -> Self {
-        Self { place: 0, next: now.plus(VISIT), ranges: [0; RANGES], first: [0; 4], second: [0; 4] }
+        Self {
+            place: 0,
+            next: now.plus(VISIT),
+            ranges: [0; RANGES],
+            more_ranges: [0; MORE_RANGES],
+            first: [0; 4],
+            second: [0; 4],
+        }
     }
 
     fn channel(&self) -> usize {
@@ -72,6 +89,7 @@ impl Scan {
             return None;
         }
         let (first, second) = match self.channel() {
+            0..MORE_RANGES => (RANGE_CONVERSIONS, RANGE_CONVERSIONS),
             0..RANGES => (RANGE_CONVERSIONS, 0),
             14 => (BATTERY_CONVERSIONS, SUM_CONVERSIONS),
             15 => (0, SUM_CONVERSIONS),
@@ -80,11 +98,14 @@ impl Scan {
         Some(Visit { channel: self.selected(), first, second })
     }
 
-    /// What was converted, as sums of codes; the nineteen numbers of a frame when the scan is complete.
-    pub(crate) fn put(&mut self, first: u32, second: u32, now: Ticks) -> Option<[u16; 19]> {
+    /// What was converted, as sums of codes; the numbers of a frame when the scan is complete.
+    pub(crate) fn put(&mut self, first: u32, second: u32, now: Ticks) -> Option<Readings> {
         let channel = self.channel();
         if channel < RANGES {
             self.ranges[channel] = range(first);
+            if let Some(reading) = self.more_ranges.get_mut(channel) {
+                *reading = range(second);
+            }
         } else {
             self.first[channel - RANGES] += first;
             self.second[channel - RANGES] += second;
@@ -94,7 +115,7 @@ impl Scan {
         if self.place < VISITS {
             return None;
         }
-        let mut numbers = [0; 19];
+        let mut numbers = [0; WIDE];
         numbers[..RANGES].copy_from_slice(&self.ranges);
         numbers[12] = sum(self.first[0]);
         numbers[13] = sum(self.first[1]);
@@ -102,6 +123,7 @@ impl Scan {
             *number = sum(codes);
         }
         numbers[18] = battery_mv(self.first[2]);
+        numbers[USUAL..].copy_from_slice(&self.more_ranges);
         (self.place, self.first, self.second) = (0, [0; 4], [0; 4]);
         Some(numbers)
     }

@@ -10,7 +10,7 @@ use xtb_board_codec::{
 };
 
 const IDENTITY: Identity =
-    Identity { version: 0x0101, hash: 0x89AB_CDEF, hardware: Hardware::Pico, after_hang: true };
+    Identity { version: 0x0102, hash: 0x89AB_CDEF, hardware: Hardware::Pico, after_hang: true };
 const SETUP: Setup = Setup {
     pwm_period_counts: 55_500,
     tcr_prescaler: 64,
@@ -159,7 +159,7 @@ fn before_the_set_up_there_is_a_status_each_100_ms_and_nothing_else() {
     }
     assert!(bench.said.iter().all(|said| said.kind == kind::STATUS));
     assert_eq!(bench.said.len(), 10);
-    assert_eq!(bench.status(), [0x0101, flags::WATCHDOG, 0, 0]);
+    assert_eq!(bench.status(), [0x0102, flags::WATCHDOG, 0, 0]);
     assert!(bench.pulses.iter().all(|(_, pulses)| *pulses == AT_REST));
 }
 
@@ -170,7 +170,7 @@ fn a_set_up_is_answered_in_the_next_turn_and_everything_begins() {
     assert!(bench.said.is_empty());
     bench.tell_setup(&SETUP);
     bench.run_us(250);
-    assert_eq!(bench.status(), [0x0101, flags::READY | flags::WATCHDOG, 0x0156, 0]);
+    assert_eq!(bench.status(), [0x0102, flags::READY | flags::WATCHDOG, 0x0156, 0]);
     bench.run_us(1_000_000);
     let count = |kind| bench.all(kind).len();
     assert_eq!((count(kind::ENCODER), count(kind::REMOTE), count(kind::ADC)), (19, 45, 26));
@@ -438,6 +438,31 @@ fn a_scan_has_nineteen_numbers_in_their_places() {
     assert!(mean_us.abs_diff(38_000) < 300, "{mean_us}");
 }
 
+#[test]
+fn a_wide_scan_has_the_range_finders_of_the_second_multiplexer_if_it_was_asked_for() {
+    let mut bench = Bench::set_up();
+    for channel in 0..16 {
+        bench.codes[0][channel] = 200 * channel as u16 + 100;
+        bench.codes[1][channel] = 900 + 150 * channel as u16;
+    }
+    bench.run_us(80_000);
+    assert!(bench.all(kind::WIDE_ADC).is_empty(), "an agent that does not know them never asks");
+    let usual = bench.all(kind::ADC).last().unwrap().numbers.clone();
+    bench.tell(kind::ASK, &[ask::WIDE_SCAN]);
+    let before = bench.all(kind::ADC).len();
+    bench.run_us(80_000);
+    assert_eq!(bench.all(kind::ADC).len(), before, "in place of the usual ones");
+    let numbers = &bench.all(kind::WIDE_ADC).last().unwrap().numbers;
+    assert_eq!((numbers.len(), &numbers[..19]), (23, &usual[..]));
+    for (channel, number) in numbers[19..].iter().enumerate() {
+        let volts = f64::from(bench.codes[1][channel]) * 3.3 / 4096.0;
+        assert!((f64::from(*number) - volts / 5.0 * 1024.0).abs() <= 0.51, "{channel}: {number}");
+    }
+    bench.tell(kind::ASK, &[ask::IDENTITY]);
+    bench.run_us(80_000);
+    assert!(bench.all(kind::ADC).len() > before, "each ask says anew what is wanted");
+}
+
 /// The example of the data sheet.
 const RVC: [u8; 19] = [
     0xAA, 0xAA, 0xDE, 0x01, 0x00, 0x92, 0xFF, 0x25, 0x08, 0x8D, 0xFE, 0xEC, 0xFF, 0xD1, 0x03, 0x00, 0x00,
@@ -473,7 +498,7 @@ fn which_firmware_it_is_is_told_when_asked_also_before_the_set_up() {
     let mut bench = Bench::new();
     bench.tell(kind::ASK, &[ask::IDENTITY]);
     bench.run_us(1000);
-    assert_eq!(bench.all(kind::IDENTITY)[0].numbers, [0x0101, 0xCDEF, 0x89AB, 0x0101, 0, 0]);
+    assert_eq!(bench.all(kind::IDENTITY)[0].numbers, [0x0102, 0xCDEF, 0x89AB, 0x0101, 0, 0]);
     bench.run_us(200_000);
     assert_eq!(bench.all(kind::IDENTITY).len(), 1);
 }

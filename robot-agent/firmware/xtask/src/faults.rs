@@ -21,7 +21,7 @@ struct Fault {
 const LOGIC: &str = "robot-agent/firmware/logic/src";
 
 /// Faults that somebody could make.
-const FAULTS: [Fault; 16] = [
+const FAULTS: [Fault; 17] = [
     Fault {
         name: "watchdog a period late",
         file: "outputs.rs",
@@ -111,6 +111,13 @@ const FAULTS: [Fault; 16] = [
         file: "robot-agent/firmware/pico/src/main.rs",
         right: "let (first, second) = analog.convert(&visit);\n            board.converted(first, second, now);\n            analog.select(board.selected());",
         wrong: "analog.select(visit.channel);\n            let (first, second) = analog.convert(&visit);\n            board.converted(first, second, now);",
+        pins: "ranges",
+    },
+    Fault {
+        name: "range finders of the second multiplexer misplaced",
+        file: "scan.rs",
+        right: "self.more_ranges.get_mut(channel)",
+        wrong: "self.more_ranges.get_mut(3_usize.wrapping_sub(channel))",
         pins: "ranges",
     },
     Fault {

@@ -4,6 +4,7 @@ mod imu;
 
 use robot_agent::config::ConfigFile;
 use serde::Serialize;
+use xtb_control::infrared::BumperRanges;
 use xtb_control::pistons::height_m;
 use xtb_control::remote::{Reading as Pulse, reading};
 use xtb_control::speed::wheel_rpm;
@@ -233,8 +234,8 @@ impl Evidence<'_> {
         let fitted = &self.settings.vehicle.range_finders;
         let side = |name: &'static str,
                     finders: &BumperFinders,
-                    counts: Option<[AdcCount; 6]>,
-                    cm: [Option<f64>; 6]| {
+                    counts: Option<[AdcCount; SLOTS]>,
+                    cm: BumperRanges| {
             (0..finders.0.len().min(SLOTS)).map(move |i| {
                 let measured = counts.map(|counts| range(counts[i], cm[i]));
                 Row::new(format!("range {name} {}", i + 1), measured, if_missing)

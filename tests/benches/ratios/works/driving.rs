@@ -21,7 +21,7 @@ const BOOT_STEPS: usize = 400;
 /// A scan with things in range of all twelve sensors, on a slope of a few degrees.
 fn scan() -> AdcSample {
     let count = |counts: u16| AdcCount::try_from(counts).expect("in range");
-    let side = [40, 120, 200, 300, 150, 90].map(count);
+    let side = [40, 120, 200, 300, 150, 90, 0, 0].map(count);
     AdcSample {
         ir_front: side,
         ir_rear: side,

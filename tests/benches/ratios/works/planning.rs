@@ -12,15 +12,17 @@ use xtb_nav::map::raster;
 use xtb_nav::obstacle_layer::BumperScan;
 use xtb_nav::planner::space::{Layers, LookOut};
 use xtb_nav::rooms::{Draw, Room};
-use xtb_nav::{Car, Cell, Goal, Grid, GridSpace, MapPose, ObstacleLayer, Planner, PlannerSettings};
+use xtb_nav::{Car, Cell, Gears, Goal, Grid, GridSpace, MapPose, ObstacleLayer, Planner, PlannerSettings};
 use xtb_protocol::messages::{TaskId, Waypoint};
 use xtb_traffic::coordinator::{Coordinator, GridRoom, JointJob, PlannedGoal, RobotView};
 use xtb_traffic::solver::{Bounds, Obstacle, Problem, Settings, Solver, Task, Tolerance};
 
 /// The truck of the planner's table in docs/navigation.md.
-const TRUCK: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393 };
+const TRUCK: Car =
+    Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393, gears: Gears::BOTH };
 /// The car of the public instances.
-const LARGE_CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0 };
+const LARGE_CAR: Car =
+    Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: Gears::BOTH };
 
 fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
     MapPose { x_m, y_m, yaw_rad }

@@ -86,6 +86,9 @@ impl Scratch {
 impl VisibilityGrid<'_> {
     /// The path with looks aside before its bends, where that is worth its time.
     pub(super) fn looking_aside(&mut self, path: &Path, space: &GridSpace) -> Path {
+        if !space.car().gears.are_both() {
+            return path.clone(); // a look is driven to and fro
+        }
         with(path, self.looks(path, space))
     }
 

@@ -221,7 +221,8 @@ impl Space for GridSpace {
 
     fn drives_towards(&self, from: &MapPose, (sin, cos): (f64, f64), piece: &Piece) -> bool {
         let frame = Frame { x_m: from.x_m, y_m: from.y_m, sin, cos };
-        clear(&self.all, &self.body, &frame, piece)
+        self.car.gears.allow(piece.length_m)
+            && clear(&self.all, &self.body, &frame, piece)
             && self.strip(piece).is_none_or(|(strip, seen)| clear(seen, &strip, &frame, piece))
             && self.against(from, piece).is_none()
     }
@@ -229,13 +230,16 @@ impl Space for GridSpace {
     fn may_drive_all(&self, from: &MapPose, pieces: &[Piece]) -> bool {
         let mut at = Frame::of(from);
         pieces.iter().all(|piece| {
-            let has_room = self.middle_has_room(&at, piece);
+            let has_room = self.car.gears.allow(piece.length_m) && self.middle_has_room(&at, piece);
             at = at.after(piece.length_m, piece.curvature_per_m);
             has_room
         })
     }
 
     fn driving(&self, from: &MapPose, piece: &Piece) -> Option<Hit> {
+        if !self.car.gears.allow(piece.length_m) {
+            return Some(Hit { x_m: from.x_m, y_m: from.y_m, what: What::Unseen });
+        }
         let frame = Frame::of(from);
         if let Some((plate, layer, way_m)) = self.touch(&frame, piece) {
             let at = frame.after(way_m, piece.curvature_per_m);

@@ -5,7 +5,8 @@ use rand_core::Rng;
 use rand_pcg::Pcg32;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-const CAR: Car = Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393 };
+const CAR: Car =
+    Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393, gears: crate::Gears::BOTH };
 
 struct Random(Pcg32);
 
@@ -38,7 +39,13 @@ fn on(grid: &Grid) -> GridSpace {
 
 /// Corners of a rectangle ahead and left of a pose.
 fn corners(pose: &MapPose, front: f64, rear: f64, half_width: f64) -> [[f64; 2]; 4] {
-    let car = Car { front_m: front, rear_m: rear, half_width_m: half_width, radius_m: 1.0 };
+    let car = Car {
+        front_m: front,
+        rear_m: rear,
+        half_width_m: half_width,
+        radius_m: 1.0,
+        gears: crate::Gears::BOTH,
+    };
     car.corners(pose)
 }
 

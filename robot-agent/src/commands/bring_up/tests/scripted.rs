@@ -7,6 +7,7 @@ use crate::commands::bring_up::session::Event;
 use std::collections::BTreeSet;
 use xtb_control::VehicleConfig;
 use xtb_control::calibration::Kind;
+use xtb_control::vehicle::SLOTS;
 use xtb_sim::rng::Rng;
 
 const TURN_S: f64 = 0.02;
@@ -98,7 +99,7 @@ impl Fake {
             gyro_fault: self.gyro_lost.then(|| Wrong::new("gyro_silent", "check its wires")),
             firmware: Some("1.1".into()),
             stop_pressed: Some(false),
-            ranges_cm: Some([[None; 6]; 2]),
+            ranges_cm: Some([[None; SLOTS]; 2]),
             pulses: Some(0),
             tilt_deg: Some([0.4, -0.3]),
             yaw_deg: Some(170.0),

@@ -3,6 +3,7 @@
 use super::*;
 use robot_agent::config::Layers;
 use xtb_control::controller::{AdcSample, GyroSample};
+use xtb_control::vehicle::SLOTS;
 use xtb_control::{Controller, Sample, Stamp, VehicleConfig};
 use xtb_protocol::board::{BoardIdentity, BoardStatus, Firmware, LineCounters};
 
@@ -32,8 +33,8 @@ fn well() -> Truck {
         replaced_samples: 0,
     };
     let adc = AdcSample {
-        ir_front: [counts(60.0); 6],
-        ir_rear: [counts(300.0); 6],
+        ir_front: [counts(60.0); SLOTS],
+        ir_rear: [counts(300.0); SLOTS],
         tilt: [counts(517.0), counts(512.5)],
         pistons: [counts(512.0); 4],
     };
