@@ -11,9 +11,8 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test that cannot go on shall end; people look at the long one
 
 use robot_agent::clock::WorldTime;
-use robot_agent::hardware::simulated::{RunningWorld, TruckLine, TruckLines};
+use robot_agent::hardware::simulated::{RunningWorld, TruckLines, TruckPorts};
 use serde_json::Value;
-use serialport::{SerialPort, TTYPort};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -23,36 +22,6 @@ use xtb_board_emulator::Emulator;
 use xtb_control::VehicleConfig;
 use xtb_control::calibration::Measured;
 use xtb_sim::{Hands, Simulation, Transmitter, Truck, TruckParameters, World};
-
-/// The truck's end of a serial line.
-struct Pty(TTYPort);
-
-impl Pty {
-    fn open() -> (Self, String) {
-        let (mut master, slave) = TTYPort::pair().unwrap();
-        master.set_timeout(Duration::ZERO).unwrap();
-        let name = slave.name().unwrap();
-        (Self(master), name)
-    }
-}
-
-impl TruckLine for Pty {
-    fn receive(&mut self, into: &mut Vec<u8>) {
-        let mut buffer = [0; 1024];
-        while self.0.bytes_to_read().is_ok_and(|waiting| waiting > 0) {
-            match self.0.read(&mut buffer) {
-                Ok(n) if n > 0 => into.extend(&buffer[..n]),
-                _ => return,
-            }
-        }
-    }
-
-    fn send(&mut self, bytes: &[u8]) {
-        if !bytes.is_empty() {
-            let _ = self.0.write(bytes);
-        }
-    }
-}
 
 /// What eyes see of the truck in a step.
 #[derive(Debug, Clone, Copy)]
@@ -66,8 +35,7 @@ struct Sight {
 struct Bench {
     world: RunningWorld,
     sights: Arc<Mutex<Vec<Sight>>>,
-    board: String,
-    gyro: String,
+    ports: TruckPorts,
     /// What the settings say of the vehicle; the truck is so.
     vehicle: VehicleConfig,
     /// The step that is under way.
@@ -89,8 +57,7 @@ impl Bench {
                 .unwrap_or_else(|error| panic!("{error}: {}", error.hint()));
             simulation.trucks_mut()[0].set_external_board(Arc::new(Mutex::new(board)));
         }
-        let ((board_line, board), (gyro_line, gyro)) = (Pty::open(), Pty::open());
-        let lines = TruckLines { board: Box::new(board_line), gyro: Box::new(gyro_line) };
+        let (lines, ports) = TruckLines::over_ptys().unwrap();
         let sights = Arc::new(Mutex::new(Vec::new()));
         let seen = sights.clone();
         let look = move |simulation: &Simulation| {
@@ -100,7 +67,7 @@ impl Bench {
         };
         let world = RunningWorld::start(simulation, vec![lines], WorldTime::new(), 1.0, look).unwrap();
         let (step, watched, automatic_after) = (String::new(), 0, None);
-        Self { world, sights, board, gyro, vehicle, step, watched, automatic_after }
+        Self { world, sights, ports, vehicle, step, watched, automatic_after }
     }
 
     fn truck(&self, act: impl FnOnce(&mut Truck) + Send + 'static) {
@@ -215,7 +182,7 @@ impl Bench {
             .env_clear()
             .args(["bring-up", "--hardware", "serial", "--patience", "20", "--config"])
             .arg(config);
-        command.args(["--board", &self.board, "--gyro", &self.gyro]).args(arguments);
+        command.arg("--board").arg(&self.ports.board).arg("--gyro").arg(&self.ports.gyro).args(arguments);
         let pipes = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = pipes.spawn().unwrap();
         let (mut types, mut reads) = (child.stdin.take().unwrap(), child.stderr.take().unwrap());
@@ -293,7 +260,7 @@ fn a_board_that_is_not_there_is_said_and_its_port_stays_out_of_the_report() {
     let folder = tempfile::tempdir().unwrap();
     let (config, vehicle) = settings(folder.path(), "");
     let mut bench = Bench::new(vehicle, 3);
-    bench.board = "/nonexistent/board".into();
+    bench.ports.board = "/nonexistent/board".into();
     let (code, said) = bench.run(&config, &["--only", "board"]);
     assert!(code == 1 && said.contains("/nonexistent/board: no such device"), "{said}");
     for name in ["robot.bring-up.json", "robot.bring-up.txt"] {

@@ -380,7 +380,11 @@ impl Board {
 
     /// Whether the converter has completed a scan; then [`Self::send_scan`] is due.
     pub(crate) fn scan_due(&mut self, now: Stamp) -> bool {
-        self.adc.due(now).is_some() && self.running.is_some()
+        self.adc.due(now).is_some() && self.is_set_up()
+    }
+
+    pub(crate) fn is_set_up(&self) -> bool {
+        self.running.is_some()
     }
 
     pub(crate) fn send_scan(&mut self, sample: &AdcSample, battery_mv: Option<u16>) {

@@ -12,6 +12,7 @@ mod board;
 mod bodies;
 pub mod calibration;
 mod chart;
+mod converter;
 mod drive;
 mod executor;
 pub mod external;

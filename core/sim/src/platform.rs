@@ -11,13 +11,11 @@
 //! ```
 
 use crate::gyro::Attitude;
-use crate::infrared::adc_count;
 use crate::parameters::{Body, PlatformTruth};
 use crate::rng::Rng;
 use xtb_control::PwmCount;
-use xtb_control::units::{ADC_SUPPLY_V, AdcCount};
+use xtb_control::units::ADC_SUPPLY_V;
 use xtb_control::vehicle::Line;
-use xtb_protocol::board::ADC_SCANS;
 
 /// One suspension piston on its screw, driven by a servo that turns for ever.
 #[derive(Debug, Clone)]
@@ -125,14 +123,10 @@ impl Platform {
         self.pistons.each_ref().map(|piston| piston.height_m / travel_m * ADC_SUPPLY_V)
     }
 
-    /// What the converter makes of the tilt sensor.
-    pub(crate) fn tilt(&self, ground: &Attitude) -> [AdcCount; 2] {
-        self.tilt_v(ground).map(|v| adc_count(v, f64::from(ADC_SCANS)))
-    }
-
-    /// What the converter makes of the position sensors.
-    pub(crate) fn positions(&self) -> [AdcCount; 4] {
-        self.positions_v().map(|v| adc_count(v, f64::from(ADC_SCANS)))
+    /// All that its voltages follow from.
+    pub(crate) fn posture(&self, ground: &Attitude) -> [f64; 6] {
+        let [fl, fr, rl, rr] = self.pistons.each_ref().map(|piston| piston.height_m);
+        [ground.pitch_deg, ground.roll_deg, fl, fr, rl, rr]
     }
 }
 
@@ -151,14 +145,14 @@ mod tests {
     }
 
     /// Φ as §4.8.1 computes it, in degrees.
-    fn phi_deg(reading: AdcCount, zero_v: f64, v_per_deg: f64) -> f64 {
-        libm::asin((reading.volts() - zero_v) / v_per_deg.to_degrees()).to_degrees()
+    fn phi_deg(v: f64, zero_v: f64, v_per_deg: f64) -> f64 {
+        libm::asin((v - zero_v) / v_per_deg.to_degrees()).to_degrees()
     }
 
     #[test]
     fn a_slope_is_read_back_by_the_memorandums_formula() {
         let uphill = Attitude { pitch_deg: 8.0, roll_deg: -3.0, ..LEVEL };
-        let [x, y] = platform().tilt(&uphill);
+        let [x, y] = platform().tilt_v(&uphill);
         assert!((phi_deg(x, 2.525, 0.034_813) + 8.0).abs() < 0.01, "nose up is negative");
         assert!((phi_deg(y, 2.503, 0.033_934) - 3.0).abs() < 0.01, "left side down is positive");
     }
@@ -166,20 +160,20 @@ mod tests {
     #[test]
     fn lifting_the_front_makes_x_fall_and_neutral_holds() {
         let (mut platform, lift) = (platform(), PwmCount::MAX);
-        let before = platform.tilt(&LEVEL)[0];
+        let before = platform.tilt_v(&LEVEL)[0];
         platform.step(&[lift, lift, PwmCount::NEUTRAL, PwmCount::NEUTRAL], 0.1);
-        assert!(platform.tilt(&LEVEL)[0] < before);
-        assert_eq!(platform.positions()[2].get(), 512.0);
+        assert!(platform.tilt_v(&LEVEL)[0] < before);
+        assert_eq!(platform.positions_v()[2], 2.5);
         platform.step(&[lift; 4], 100.0);
-        assert_eq!(platform.positions()[0].get(), 1023.0, "the end holds");
+        assert_eq!(platform.positions_v()[0], 5.0, "the end holds");
     }
 
     #[test]
     fn lifting_the_left_side_makes_y_fall() {
         let (mut platform, lift) = (platform(), PwmCount::MAX);
-        let before = platform.tilt(&LEVEL)[1];
+        let before = platform.tilt_v(&LEVEL)[1];
         platform.step(&[lift, PwmCount::NEUTRAL, lift, PwmCount::NEUTRAL], 0.1);
-        assert!(platform.tilt(&LEVEL)[1] < before);
+        assert!(platform.tilt_v(&LEVEL)[1] < before);
     }
 
     #[test]

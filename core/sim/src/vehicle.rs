@@ -21,6 +21,7 @@ mod pins;
 use crate::bno085::Bno085;
 use crate::board::{self, Board, ShaftTravel};
 use crate::calibration::CalibrationTruth;
+use crate::converter::Sums;
 use crate::drive::{Battery, Drive};
 use crate::external::External;
 use crate::faults::{DriveFault, LineFault, LineFaults, SensorFaults};
@@ -67,6 +68,7 @@ pub struct Truck {
     drive: Drive,
     battery: Battery,
     platform: Platform,
+    sums: Sums,
     range_finders: RangeFinders,
 
     yaw_rad: f64,
@@ -128,6 +130,7 @@ impl Truck {
             drive: Drive::new(&parameters.drive, STEP_S),
             battery: Battery::new(&parameters.battery),
             platform: Platform::new(&parameters.platform, &parameters.body, &mut noise),
+            sums: Sums::default(),
             range_finders: RangeFinders::new(
                 &parameters.infrared,
                 &parameters.range_finders,
@@ -341,6 +344,9 @@ impl Truck {
             if self.board.scan_due(self.now) {
                 self.send_scan(&attitude);
             }
+            if self.board.is_set_up() {
+                self.sums.step(&self.platform, &attitude);
+            }
             self.board.report(self.now, &mut self.noise);
         }
         self.gyro.step(self.now, &attitude, &mut self.noise);
@@ -401,12 +407,8 @@ impl Truck {
 
     fn send_scan(&mut self, attitude: &Attitude) {
         let (ir_front, ir_rear) = self.range_finders.readings();
-        let sample = AdcSample {
-            ir_front,
-            ir_rear,
-            tilt: self.platform.tilt(attitude),
-            pistons: self.platform.positions(),
-        };
+        let (tilt, pistons) = self.sums.take(&self.platform, attitude);
+        let sample = AdcSample { ir_front, ir_rear, tilt, pistons };
         let newest = (sample, self.battery.millivolts());
         let (sample, battery_mv) =
             self.scan.filter(|_| self.sensor_faults.converter_frozen).unwrap_or(newest);

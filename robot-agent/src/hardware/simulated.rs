@@ -4,6 +4,10 @@
 //! world runs on its own clock, [`WorldTime`], at real time or any multiple of it; a busy machine
 //! slows it down instead of making robots miss samples.
 
+mod pty;
+
+pub use pty::TruckPorts;
+
 use super::Hardware;
 use super::instruments::Instruments;
 use crate::clock::{Clock, WorldTime};
@@ -23,7 +27,7 @@ const LINE_CAPACITY: usize = 4096;
 /// A world that is this far behind real time does not try to catch up.
 const GIVE_UP: Duration = Duration::from_millis(250);
 
-/// The world's end of a line to a truck: an in-memory pipe here, a pty in `fleet-cli sim --pty`.
+/// The world's end of a line to a truck: an in-memory pipe, or a pty ([`TruckLines::over_ptys`]).
 pub trait TruckLine: Send {
     /// Bytes from the agent, appended to `into`.
     fn receive(&mut self, into: &mut Vec<u8>);

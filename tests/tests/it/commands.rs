@@ -26,9 +26,12 @@ pub(crate) struct Sim {
 }
 
 pub(crate) fn sim(arguments: &[&str]) -> Sim {
-    let mut command = fleet_cli(&["sim", "--listen", "tcp/127.0.0.1:0"]);
-    command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::null());
-    let mut child = command.spawn().unwrap();
+    ready(fleet_cli(&["sim", "--listen", "tcp/127.0.0.1:0"]).args(arguments))
+}
+
+/// When it says so.
+pub(crate) fn ready(sim: &mut Command) -> Sim {
+    let mut child = sim.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let ready: Value = serde_json::from_str(&line).unwrap_or_else(|error| panic!("{error}: {line:?}"));

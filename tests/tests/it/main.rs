@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
 mod attacker;
+mod board_firmware;
 mod circles;
 mod cockpit;
 mod commands;

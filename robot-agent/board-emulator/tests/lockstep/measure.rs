@@ -1,9 +1,10 @@
-//! Drives, levellings and deaths with the firmware, and the same with the simulated board.
+//! Drives, levellings, walls and deaths with the firmware, and the same with the simulated board.
 
 use crate::rig::{Rig, Trouble};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
 use std::thread;
+use xtb_control::VehicleConfig;
 use xtb_protocol::messages::GoalStatus;
 
 /// A goal takes no longer, in s.
@@ -12,11 +13,11 @@ const PATIENCE_S: f64 = 180.0;
 const LEVEL_DEG: f64 = 0.8;
 const SLOPE_DEG: f64 = 4.0;
 
-/// How long something took with the firmware and with the simulated board.
+/// The same with the firmware and with the simulated board: times in s, gaps in cm.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pair {
-    pub(crate) emulated_s: f64,
-    pub(crate) simulated_s: f64,
+    pub(crate) emulated: f64,
+    pub(crate) simulated: f64,
 }
 
 /// What came of a drive from goal to goal with the firmware.
@@ -62,7 +63,7 @@ pub(crate) fn drives(firmware: &Path, goals: usize) -> Drives {
         (emulated(), second.join().unwrap())
     });
     let simulated = drive(&mut Rig::ready(None, "", 1), goals);
-    let pair = |(&emulated_s, simulated_s)| Pair { emulated_s, simulated_s };
+    let pair = |(&emulated, simulated)| Pair { emulated, simulated };
     let times = first.0.iter().zip(simulated).map(pair).collect();
     let (frames, trouble) = first.1;
     Drives { times, frames, trouble, same: first == second }
@@ -96,7 +97,39 @@ fn levelling_s(firmware: Option<&Path>, seed: u64) -> f64 {
 /// The mean time of so many levellings, each on a slope in another direction.
 pub(crate) fn levellings(firmware: &Path, count: u64) -> Pair {
     let mean_s = |firmware| (0..count).map(|seed| levelling_s(firmware, seed)).sum::<f64>() / count as f64;
-    Pair { emulated_s: mean_s(Some(firmware)), simulated_s: mean_s(None) }
+    Pair { emulated: mean_s(Some(firmware)), simulated: mean_s(None) }
+}
+
+/// The gap that is left before a wall at which a truck has driven straight on, nearly as fast as is admitted, in cm.
+fn gap_cm(firmware: Option<&Path>, seed: u64) -> f64 {
+    let mut vehicle = VehicleConfig::default();
+    vehicle.goto.reference_rpm = (vehicle.admitted_mps() / vehicle.mps_per_rpm()).floor();
+    // Another moment of the scan each time.
+    let wall_m = 1.8 + 0.0137 * seed as f64;
+    let world = format!(
+        "[[boxes]]\nname = \"wall\"\nx_m = 0.0\ny_m = {:?}\nwidth_m = 3.0\ndepth_m = 0.2",
+        wall_m + 0.1
+    );
+    let mut rig = Rig::ready_with(firmware, &world, seed, &vehicle);
+    rig.goto(0.0, 6.0);
+    let mut fastest_mps = 0.0_f64;
+    let truth = loop {
+        rig.step();
+        let truth = rig.truth();
+        fastest_mps = fastest_mps.max(truth.speed_mps);
+        if fastest_mps > 0.2 && truth.speed_mps.abs() < 0.001 {
+            break truth;
+        }
+        assert!(rig.now_s() < PATIENCE_S, "{truth:?}");
+    };
+    assert!(fastest_mps > 0.9 * vehicle.admitted_mps() && truth.contacts == 0, "{fastest_mps} {truth:?}");
+    (wall_m - truth.y_m - vehicle.geometry.body_length_m / 2.0) * 100.0
+}
+
+/// What is left before so many walls.
+pub(crate) fn gaps(firmware: &Path, count: u64) -> Vec<Pair> {
+    let pair = |seed| Pair { emulated: gap_cm(Some(firmware), seed), simulated: gap_cm(None, seed) };
+    (0..count).map(pair).collect()
 }
 
 /// How long after the beginning of a killed agent's last frame the neutral pulse began, in ms, for so many moments

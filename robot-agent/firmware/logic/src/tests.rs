@@ -463,6 +463,30 @@ fn a_wide_scan_has_the_range_finders_of_the_second_multiplexer_if_it_was_asked_f
     assert!(bench.all(kind::ADC).len() > before, "each ask says anew what is wanted");
 }
 
+#[test]
+fn a_sum_is_the_mean_of_its_scan_and_no_moment_of_it() {
+    let mut bench = Bench::set_up();
+    let scan_ended = |bench: &mut Bench| {
+        let scans = bench.all(kind::ADC).len();
+        while bench.all(kind::ADC).len() == scans {
+            bench.run_us(250);
+        }
+    };
+    scan_ended(&mut bench);
+    for after_ms in [18, 24, 30] {
+        bench.codes = [[1000; 16]; 2];
+        bench.run_us(after_ms * 1000);
+        bench.codes = [[3000; 16]; 2];
+        scan_ended(&mut bench);
+        let numbers = &bench.all(kind::ADC).last().unwrap().numbers;
+        let left = (38.0 - after_ms as f64) / 38.0;
+        for sum in &numbers[12..18] {
+            let part = (f64::from(*sum) / 16.0 - 1000.0) / 2000.0;
+            assert!((part - left).abs() < 0.25 && part < 1.0, "{part} of {left} after {after_ms} ms");
+        }
+    }
+}
+
 /// The example of the data sheet.
 const RVC: [u8; 19] = [
     0xAA, 0xAA, 0xDE, 0x01, 0x00, 0x92, 0xFF, 0x25, 0x08, 0x8D, 0xFE, 0xEC, 0xFF, 0xD1, 0x03, 0x00, 0x00,
