@@ -33,6 +33,7 @@ mod python;
 mod realtime;
 mod recording;
 mod ros2;
+mod schemas;
 mod shared_world;
 mod simulator;
 mod slow_links;
