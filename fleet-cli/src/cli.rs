@@ -44,9 +44,13 @@ impl Cli {
     /// # Errors
     /// Wrong usage; and the texts of `--help` and `--version`, which clap treats alike.
     pub fn read(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
+        let arguments: Vec<OsString> = arguments.into_iter().map(shielded).collect();
         let mut command = with_negative_numbers(Self::command());
-        let read = command.try_get_matches_from_mut(arguments.into_iter().map(shielded));
-        let matches = read.map_err(usage::with_tip)?;
+        if arguments.len() < 2 {
+            command = command.help_template(usage::SHORT);
+        }
+        let read = command.try_get_matches_from_mut(arguments);
+        let matches = read.map_err(|error| usage::clarified(error, &mut command))?;
         let mut cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         cli.global.connect_given = matches.value_source("connect") == Some(ValueSource::CommandLine);
         cli.global.identity_given = matches.value_source("identity") == Some(ValueSource::CommandLine);

@@ -39,6 +39,7 @@ impl FleetConfig {
         let place = path.display();
         let text = files::text(&path, files::MAX_TEXT).map_err(|error| {
             Error::new(ErrorKind::Config, format!("cannot read the config {place}: {error}"))
+                .hint("name another one with --config or XTB_CONFIG")
         })?;
         Self::parse(&text)
             .map_err(|failure| Error { message: format!("in {place}: {}", failure.message), ..failure })

@@ -11,6 +11,7 @@ pub mod config;
 pub mod context;
 pub mod exit;
 pub mod interrupt;
+mod json;
 mod map_file;
 mod nearest;
 pub mod output;

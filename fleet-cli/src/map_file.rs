@@ -1,6 +1,9 @@
 //! Maps from files: as map_server writes them, or drawn from a world.
 
+use crate::output::Output;
 use robot_agent::files::{self, FileError};
+use serde::Deserialize;
+use serde::de::IgnoredAny;
 use std::path::Path;
 use std::time::Duration;
 use xtb_client::{Error, ErrorKind, Result};
@@ -18,6 +21,47 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// # Errors
 /// [`ErrorKind::Config`]: a file cannot be read, or is no map and no world.
 pub(crate) fn read(path: &Path, resolution_m: f64) -> Result<Map> {
+    read_closely(path, resolution_m).map(|(map, _)| map)
+}
+
+/// The same to be used: with a warning on standard error about what is doubtful.
+///
+/// # Errors
+/// As [`read`].
+pub(crate) fn load(out: &Output, path: &Path, resolution_m: f64) -> Result<Map> {
+    let (map, doubt) = read_closely(path, resolution_m)?;
+    if let Some(Doubt { text, hint }) = doubt {
+        out.note(&format!("warning: {}: {text}\nhint: {hint}", path.display()));
+    }
+    Ok(map)
+}
+
+/// What is probably not meant so.
+#[derive(Debug)]
+pub(crate) struct Doubt {
+    /// In words.
+    pub(crate) text: String,
+    /// What to do about it.
+    pub(crate) hint: &'static str,
+}
+
+fn doubt(description: &Description, image: &[u8]) -> Option<Doubt> {
+    // An image that cannot be read is refused where the map is made.
+    let cells = description.unknown_as_free(image).ok().filter(|cells| *cells > 0)?;
+    let free_thresh = description.free_thresh();
+    Some(Doubt {
+        text: format!(
+            "{cells} cells that map_saver has written as unknown are free by free_thresh {free_thresh}"
+        ),
+        hint: "free_thresh 0.196 leaves them unknown",
+    })
+}
+
+/// As [`read`], with what is doubtful about it.
+///
+/// # Errors
+/// As [`read`].
+pub(crate) fn read_closely(path: &Path, resolution_m: f64) -> Result<(Map, Option<Doubt>)> {
     let broken = |reason: String| Error::new(ErrorKind::Config, format!("{}: {reason}", path.display()));
     let text = files::text(path, files::MAX_TEXT).map_err(|error| unreadable(path, &error))?;
     let named = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
@@ -26,9 +70,14 @@ pub(crate) fn read(path: &Path, resolution_m: f64) -> Result<Map> {
             let hint = "worlds/ has examples; for a large world use larger cells with --resolution";
             let world = World::from_toml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
             let world = named_by_file(world, path);
-            world.chart(resolution_m).map_err(|error| broken(error.to_string()).hint(hint))
+            let map = world.chart(resolution_m).map_err(|error| broken(error.to_string()).hint(hint))?;
+            Ok((map, None))
         }
         "yaml" | "yml" => {
+            if is_instance(&text) {
+                return Err(broken("an instance of `fleet-cli plan`, neither a map nor a world".to_owned())
+                    .hint(format!("`fleet-cli plan {} --out FILE` plans it", path.display())));
+            }
             let hint = "docs/maps.md describes the supported maps";
             let description =
                 Description::from_yaml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
@@ -36,11 +85,23 @@ pub(crate) fn read(path: &Path, resolution_m: f64) -> Result<Map> {
             let image = files::bytes(&image_path, files::MAX_IMAGE)
                 .map_err(|error| unreadable(&image_path, &error))?;
             let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("map");
-            description.map(stem, &image).map_err(|error| broken(error.to_string()).hint(hint))
+            let doubt = doubt(&description, &image);
+            let map = description.map(stem, &image).map_err(|error| broken(error.to_string()).hint(hint))?;
+            Ok((map, doubt))
         }
         _ => Err(broken("neither a map nor a world, judging by the extension".to_owned())
             .hint("maps have the extension .yaml (as written by map_server), worlds .toml")),
     }
+}
+
+/// Whether a file of this text is probably an instance of `plan`.
+fn is_instance(text: &str) -> bool {
+    #[derive(Deserialize)]
+    struct WithAgents {
+        #[serde(rename = "agents")]
+        _agents: Vec<IgnoredAny>,
+    }
+    serde_saphyr::from_str::<WithAgents>(text).is_ok()
 }
 
 /// Whoever changes the file's places changes those that are served; for another floor or other zones the server is to

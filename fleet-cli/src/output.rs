@@ -5,6 +5,8 @@
 //! ([`xtb_protocol::text`]); this holds for the system's words and whatever else ends up here.
 
 use crate::args::ColorChoice;
+use crate::text::width::shortened;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::io::{IsTerminal, Write};
@@ -93,15 +95,18 @@ pub struct Output {
     pub colors: bool,
 }
 
-#[derive(Serialize)]
-struct ErrorLine<'a> {
+/// What went wrong, as `--json` prints it.
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct ErrorLine<'a> {
     error: ErrorFields<'a>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct ErrorFields<'a> {
+    /// Such as `no_router`.
     code: String,
     message: &'a str,
+    /// What to do about it.
     hint: &'a str,
 }
 
@@ -144,7 +149,7 @@ impl Output {
     ///
     /// # Errors
     /// [`ErrorKind::PipeClosed`], or the system's words.
-    pub fn line(&self, value: &impl Serialize) -> Result<()> {
+    pub fn line(&self, value: &(impl Serialize + JsonSchema)) -> Result<()> {
         self.text(&json_line(value)?)
     }
 
@@ -152,7 +157,11 @@ impl Output {
     ///
     /// # Errors
     /// [`ErrorKind::PipeClosed`], or the system's words.
-    pub fn result<T: Serialize>(&self, value: &T, text: impl FnOnce(&T) -> String) -> Result<()> {
+    pub fn result<T: Serialize + JsonSchema>(
+        &self,
+        value: &T,
+        text: impl FnOnce(&T) -> String,
+    ) -> Result<()> {
         if self.json { self.line(value) } else { self.text(&text(value)) }
     }
 
@@ -168,6 +177,7 @@ impl Output {
         if *kind == ErrorKind::PipeClosed {
             return;
         }
+        let hint = if hint.is_empty() { kind.usual_hint() } else { hint.as_str() };
         if self.json {
             let line = ErrorLine { error: ErrorFields { code: kind.code(), message, hint } };
             // Nobody is left to hear that the error could not be said.
@@ -208,7 +218,7 @@ impl Progress {
         // Progress that nobody reads is no error.
         if self.terminal {
             let width = crossterm::terminal::size().map_or(80, |(columns, _)| usize::from(columns));
-            let text: String = text.chars().take(width.saturating_sub(1)).collect();
+            let text = shortened(text, width.saturating_sub(1));
             let _ = write!(err, "\r\x1b[2K{text}").and_then(|()| err.flush());
         } else if due && self.last != text {
             let _ = writeln!(err, "{text}");

@@ -2,61 +2,9 @@
 
 #![allow(clippy::unwrap_used)]
 
-use assert_cmd::Command;
-use assert_cmd::assert::Assert;
-use std::path::Path;
-use tempfile::TempDir;
+mod home;
 
-/// Nothing listens there.
-const NOWHERE: &str = "tcp/127.0.0.1:1";
-
-struct Home(TempDir);
-
-impl Home {
-    fn empty() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self) -> &Path {
-        self.0.path()
-    }
-
-    fn command(&self) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_fleet-cli"));
-        command.env_clear().env("HOME", self.path()).current_dir(self.path());
-        command
-    }
-
-    fn run(&self, line: &str) -> Assert {
-        self.command().args(line.split_whitespace()).assert()
-    }
-
-    /// The same, where no router answers.
-    fn alone(&self, line: &str) -> Assert {
-        self.command().args(["--connect", NOWHERE, "--timeout", "0.3"]).args(line.split_whitespace()).assert()
-    }
-
-    fn config(&self, text: &str) {
-        let folder = self.path().join(".config/xtb");
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join("fleet.toml"), text).unwrap();
-    }
-}
-
-fn stdout(assert: &Assert) -> String {
-    String::from_utf8(assert.get_output().stdout.clone()).unwrap()
-}
-
-fn stderr(assert: &Assert) -> String {
-    String::from_utf8(assert.get_output().stderr.clone()).unwrap()
-}
-
-/// One line of JSON on standard output, and nothing else there.
-fn json(assert: &Assert) -> serde_json::Value {
-    let text = stdout(assert);
-    assert_eq!(text.lines().count(), 1, "{text}");
-    serde_json::from_str(&text).unwrap()
-}
+use home::*;
 
 #[test]
 fn help_lists_verbs_and_exit_codes() {
@@ -138,8 +86,6 @@ fn without_a_router_every_verb_says_what_it_tried_and_what_to_do() {
         "wander xtb-1",
         "stop --all",
         "stop xtb-1",
-        "estop --all --expect xtb-1",
-        "estop xtb-1",
         "reset xtb-1 --latch gyro_lost --take",
         "set-pose xtb-1 -1 2.5 --yaw -90 --take",
         "watch xtb/**",
@@ -226,10 +172,6 @@ fn an_unknown_config_key_names_the_one_meant() {
     let missing = stderr(&home.alone("list --config nowhere.toml").code(2));
     assert!(missing.contains("cannot read the config nowhere.toml"), "{missing}");
 }
-
-const HALL: &str = "name = 'hall'\n[room]\nwidth_m = 6.0\ndepth_m = 4.0\n[[walls]]\n\
-                    points = [[0.0, -2.0], [0.0, 0.5]]\n[[zones]]\nname = 'charger'\nkind = 'keep_out'\n\
-                    points = [[-3.0, -2.0], [-2.0, -2.0], [-2.0, -1.0], [-3.0, -1.0]]\n";
 
 #[test]
 fn a_world_is_imported_and_the_files_are_the_same_map() {
@@ -427,6 +369,10 @@ fn bash_completes_robots_and_tasks_that_there_are() {
         ("goto xtb-1 ''", "places-now"),
         ("dispatch goto ''", "places-now"),
         ("dispatch route dock-1 ''", "places-now"),
+        ("place remove ''", "places-now"),
+        ("place here dock-1 ''", "robots-now"),
+        ("dispatch goto 1 2 --tag ''", "tags-now"),
+        ("list --fleet ''", "fleets-now"),
     ] {
         let last = words.split(' ').count();
         let ask = format!(
@@ -449,6 +395,8 @@ fn zsh_and_fish_complete_robots_and_tasks_that_there_are() {
     let of = |what: &str| asks(&format!(":_fleet-cli_{what}' \\"));
     // task, cancel, extend, pause, resume, retry; as many robots as there are places for them.
     assert_eq!(of("tasks"), 6, "{zsh}");
+    let has = |option: &str| zsh.lines().filter(|line| line.contains(option)).count();
+    assert_eq!((of("tags"), of("fleets")), (has("--tag=["), has("--fleet=[")), "{zsh}");
     let left = zsh.lines().filter(|line| line.contains(":ROBOT:_default") || line.contains("obot:_default"));
     assert_eq!((of("robots") > 10, left.count()), (true, 0), "{zsh}");
     let defined = zsh.find("_fleet-cli_tasks() {").unwrap();

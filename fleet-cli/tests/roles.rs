@@ -87,6 +87,7 @@ const MATRIX: &[(&str, &[Role])] = &[
     ("audit a.mcap", ALL),
     ("router", ALL),
     ("plan instance.yaml --out x", ALL),
+    ("schema list", ALL),
     ("man pages", ALL),
     ("completions bash", ALL),
 ];

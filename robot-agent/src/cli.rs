@@ -30,6 +30,9 @@ pub(crate) struct Args {
     /// Format of the log on standard error
     #[arg(long, value_name = "FORMAT", env = "XTB_LOG_FORMAT", value_enum, default_value_t, global = true)]
     pub(crate) log_format: LogFormat,
+    /// Print JSON, with a command that prints results
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
     #[command(subcommand)]
     pub(crate) command: Option<Verb>,
 }

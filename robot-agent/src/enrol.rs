@@ -1,6 +1,7 @@
 //! Enrolling: an identity file (`NAME.xtbid`) becomes this computer's identity. Both programs do it.
 
 use crate::files;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
@@ -180,7 +181,7 @@ fn replaces(identity: &Identity, folder: &Path) -> Result<(), Refusal> {
 }
 
 /// The same for scripts.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Report<'a> {
     name: &'a Name,
     fleet: &'a Name,

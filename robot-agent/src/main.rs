@@ -10,6 +10,8 @@ use commands::{
 };
 use std::process::ExitCode;
 
+const HELP: &str = "`robot-agent --help` lists them; `fleet-cli status ROBOT --json` shows a robot";
+
 fn main() -> ExitCode {
     let args = Args::parse();
     dispatch(args).unwrap_or_else(|failure| failure.report())
@@ -43,6 +45,13 @@ fn dispatch(args: Args) -> Result<ExitCode, Failure> {
         Some(Verb::Record(record)) => Some(record.folder),
         _ => args.record,
     };
+    if args.json {
+        return Err(Failure::new(
+            "a robot that runs prints no results: --json is for the other commands",
+            HELP,
+        )
+        .code(2));
+    }
     let identity = identity::of(&mut file, settings.given())?;
     run::run(&file, identity, record.as_deref(), args.log_format)
 }

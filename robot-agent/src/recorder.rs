@@ -83,12 +83,17 @@ impl Recorder {
 /// been joined.
 ///
 /// # Errors
-/// The folder or the file cannot be made, or there is no thread.
+/// The folder or the file cannot be made, or there is no thread: with the folder's name.
 pub(crate) fn start(
     folder: &Path,
     config: &AgentConfig,
     epoch: u64,
 ) -> io::Result<(Recorder, JoinHandle<()>)> {
+    begin(folder, config, epoch)
+        .map_err(|error| io::Error::new(error.kind(), format!("into {}: {error}", folder.display())))
+}
+
+fn begin(folder: &Path, config: &AgentConfig, epoch: u64) -> io::Result<(Recorder, JoinHandle<()>)> {
     fs::create_dir_all(folder)?;
     let started = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
     let header = Header {

@@ -225,3 +225,25 @@ fn only_a_robots_identity_runs_a_robot_and_what_needs_no_router_works_under_ever
         under(&["check-hardware", "--hardware", "simulated"]).assert().success();
     }
 }
+
+#[test]
+fn json_is_asked_for_before_or_after_the_command() {
+    for line in [["--json", "ports"], ["ports", "--json"]] {
+        let output = agent().args(line).assert().success().get_output().stdout.clone();
+        let found: serde_json::Value = serde_json::from_slice(&output).expect("JSON");
+        assert!(found["ports"].is_array(), "{line:?}: {found}");
+    }
+    let said = stderr_of(agent().args(["--json", "--hardware", "simulated"]), 2);
+    assert!(said.contains("--json is for the other commands") && said.contains("hint: "), "{said}");
+}
+
+#[test]
+fn a_recording_that_cannot_be_made_names_its_folder_and_the_reason() {
+    let file = tempfile::NamedTempFile::new().expect("a temporary file");
+    let folder = file.path().join("recordings");
+    let mut command = agent();
+    command.args(["--hardware", "simulated", "--connect", "tcp/127.0.0.1:1", "--record"]).arg(&folder);
+    let said = stderr_of(&mut command, 1);
+    let words = format!("cannot record: into {}: ", folder.display());
+    assert!(said.contains(&words) && said.contains("hint: --record needs a folder"), "{said}");
+}

@@ -62,6 +62,7 @@ pub fn fleet_stop(all: &[Suspension]) -> Option<&Suspension> {
 
 /// How the dispatcher stands.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Status {
     /// Ledger, map and tasks.
     #[serde(flatten)]

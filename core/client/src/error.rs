@@ -66,6 +66,31 @@ impl ErrorKind {
     }
 }
 
+impl ErrorKind {
+    /// What usually helps, where nothing better is known.
+    #[must_use]
+    pub fn usual_hint(self) -> &'static str {
+        match self {
+            Self::Invalid => "`fleet-cli VERB --help` shows arguments and examples",
+            Self::Config => "correct the file that is named; docs/ describes the layout of each",
+            Self::NoRouter => {
+                "start `fleet-cli router` or `fleet-cli sim`, or name another router with --connect"
+            }
+            Self::NoRobot => "`fleet-cli list` shows the robots that answer",
+            Self::NoDispatcher => "start one with `fleet-cli dispatch serve`",
+            Self::OutcomeUnknown => "`fleet-cli list` and `fleet-cli tasks` show what has become of it",
+            Self::Refused(_) => "`fleet-cli why ROBOT` shows what keeps a robot from it",
+            Self::NotDispatched(_) => "`fleet-cli dispatch status` shows how the dispatcher stands",
+            Self::NotAllowed | Self::NotAdmitted => "`fleet-cli doctor` shows this computer's identity",
+            Self::PortTaken => "end the other program, or choose another port",
+            Self::NameTaken => "choose another name, or end the other program",
+            Self::Failed => "`fleet-cli doctor` looks for causes; XTB_LOG=debug logs more",
+            // Who ended it knows what to do.
+            Self::Idle | Self::Interrupted | Self::PipeClosed => "",
+        }
+    }
+}
+
 /// An error that a person can act on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Error {

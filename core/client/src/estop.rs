@@ -3,7 +3,7 @@
 //! It is put again and again until each robot has acknowledged it or time is up, and asked beside that: the
 //! answer, that the latch is set, is the acknowledgement, and the robot's own state has to show it. For all
 //! robots it is put at once on the key that every robot hears, before anybody knows who they are. A link that is
-//! lost is waited for.
+//! lost is waited for, up to [`LINK_WITHIN`].
 
 use crate::client::Client;
 use crate::confirm::confirm;
@@ -28,7 +28,7 @@ const IN_FLIGHT: usize = 16;
 /// A question that is not answered for so long is asked anew.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
 /// A lost link is waited for so long.
-const LINK_WITHIN: Duration = Duration::from_secs(60);
+pub const LINK_WITHIN: Duration = Duration::from_secs(60);
 
 /// Calls it for them for so long, and says what came of it; as [`stop`](crate::stop::stop) for who may not.
 pub async fn estop(client: &Client, targets: &Targets, within: Duration) -> (StopReport, MissingInfo) {
@@ -36,13 +36,7 @@ pub async fn estop(client: &Client, targets: &Targets, within: Duration) -> (Sto
         return not_sent(error);
     }
     let call = Call { id: Uuid::new_v4(), within };
-    let robots = match targets {
-        Targets::All { expect, known } => return call.until_linked(client, expect, known).await,
-        Targets::Robots(robots) => robots,
-    };
-    let mut calls = MultiRobot::new(client, |client, robot| call.one(client, robot));
-    calls.call(robots.iter().cloned());
-    (StopReport::new(calls.outcomes().await, &MissingInfo::default()), MissingInfo::default())
+    call.until_linked(client, targets).await
 }
 
 /// One emergency stop: the same id in each repetition.
@@ -53,23 +47,27 @@ struct Call {
 }
 
 impl Call {
-    /// Everybody; and anew when the link is back, if it was lost meanwhile and somebody has not answered.
-    async fn until_linked(
-        self,
-        client: &Client,
-        expect: &[Name],
-        known: &[Name],
-    ) -> (StopReport, MissingInfo) {
+    /// Those who are meant; and anew when the link is back, if it was lost meanwhile and somebody has not answered.
+    async fn until_linked(self, client: &Client, targets: &Targets) -> (StopReport, MissingInfo) {
         let give_up = Instant::now() + LINK_WITHIN;
         loop {
             let was_linked = client.bus().is_linked().await;
-            let (report, missing) = self.everybody(client, expect, known).await;
+            let (report, missing) = match targets {
+                Targets::All { expect, known } => self.everybody(client, expect, known).await,
+                Targets::Robots(robots) => (self.these(client, robots).await, MissingInfo::default()),
+            };
             let stopped = !report.robots.is_empty() && report.all_stopped();
             if stopped || was_linked && client.bus().is_linked().await || Instant::now() >= give_up {
                 return (report, missing);
             }
             tokio::time::sleep(AGAIN_EVERY).await;
         }
+    }
+
+    async fn these(self, client: &Client, robots: &[Name]) -> StopReport {
+        let mut calls = MultiRobot::new(client, |client, robot| self.one(client, robot));
+        calls.call(robots.iter().cloned());
+        StopReport::new(calls.outcomes().await, &MissingInfo::default())
     }
 
     /// Who is told, who is known, who is there, and who answers without being any of these.
@@ -238,15 +236,18 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn it_waits_for_a_lost_link_and_then_stops_who_is_there() {
-        let client = Client::alone(Duration::from_secs(1)).await;
-        let known = [name("xtb-1")];
-        let mut calling = std::pin::pin!(call(Duration::from_millis(200)).until_linked(&client, &[], &known));
-        let early = tokio::time::timeout(Duration::from_millis(600), &mut calling).await;
-        assert!(early.is_err(), "there is neither link nor robot: {early:?}");
-        let robot = FakeRobot::start(&client, "xtb-1").await;
-        let (report, _) = calling.await;
-        assert_eq!(report.robots, BTreeMap::from([(name("xtb-1"), StopOutcome::Stopped)]));
-        assert_eq!(robot.lock().state.latches[0].latch, Latch::Estop);
+        let robot = || vec![name("xtb-1")];
+        for targets in [Targets::All { expect: Vec::new(), known: robot() }, Targets::Robots(robot())] {
+            let client = Client::alone(Duration::from_secs(1)).await;
+            let mut calling =
+                std::pin::pin!(call(Duration::from_millis(200)).until_linked(&client, &targets));
+            let early = tokio::time::timeout(Duration::from_millis(600), &mut calling).await;
+            assert!(early.is_err(), "there is neither link nor robot: {early:?}");
+            let robot = FakeRobot::start(&client, "xtb-1").await;
+            let (report, _) = calling.await;
+            assert_eq!(report.robots, BTreeMap::from([(name("xtb-1"), StopOutcome::Stopped)]));
+            assert_eq!(robot.lock().state.latches[0].latch, Latch::Estop);
+        }
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -12,6 +12,7 @@ use xtb_protocol::messages::{RobotState, RosterEntry, SimStats};
 
 /// The whole fleet.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct FleetView {
     /// Its name.
     pub fleet: Name,
@@ -24,6 +25,7 @@ pub struct FleetView {
 
 /// One robot.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct RobotView {
     /// Whose.
     pub name: Name,

@@ -31,6 +31,7 @@ macro_rules! any_message {
     ($($(#[$doc:meta])* $variant:ident($message:ty),)*) => {
         /// A message on one of our keys, or presence. Serializes as the message itself.
         #[derive(Debug, Clone, PartialEq, Serialize)]
+        #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
         #[serde(untagged)]
         pub enum AnyMessage {
             $($(#[$doc])* $variant(Box<$message>),)*

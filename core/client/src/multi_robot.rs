@@ -40,6 +40,7 @@ impl Targets {
 
 /// What came of it for one robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum StopOutcome {
     /// It said so, and its own state shows it.
@@ -58,6 +59,7 @@ pub enum StopOutcome {
 
 /// What came of it for all.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct StopReport {
     /// By name.
     pub robots: BTreeMap<Name, StopOutcome>,

@@ -18,6 +18,7 @@ pub const STATE_EVERY: Duration = Duration::from_millis(50);
 
 /// What came of it, as `--json` prints it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ResetReport {
     /// Whom.
     pub robot: Name,

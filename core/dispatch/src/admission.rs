@@ -78,7 +78,19 @@ fn one(spec: &TaskSpec, ctx: AdmissionCtx<'_>) -> Result<(), DispatchError> {
 /// Whether there is room for a robot at a point.
 pub(crate) fn admits_point(floor: &dyn TravelCost, car: &Car, point: &Waypoint) -> Result<(), DispatchError> {
     let hint = "`fleet-cli map show --live` shows the free space";
-    floor.admits(car, point).map_err(|(code, message)| refusal(code, message, hint))
+    floor.admits(car, point).map_err(|(code, message)| refusal(code, message, hint))?;
+    if !floor.has_room(car, point) {
+        let message = format!(
+            "({:.2}, {:.2}) is too near to what is on the map for traffic control",
+            point.x_m, point.y_m
+        );
+        return Err(refusal(
+            DispatchCode::GoalBlocked,
+            message,
+            "choose a point farther from walls, or another yaw",
+        ));
+    }
+    Ok(())
 }
 
 fn known(who: &Who, ctx: AdmissionCtx<'_>) -> Result<(), DispatchError> {

@@ -5,6 +5,7 @@ mod flood_distances;
 use flood_distances::FloodDistances;
 use std::f64::consts::{PI, TAU};
 use xtb_nav::geometry::reeds_shepp;
+use xtb_nav::navigator::LEAST_MARGIN_M;
 use xtb_nav::{Car, Cell, Gears, Map, MapPose};
 use xtb_protocol::messages::{DispatchCode, Waypoint};
 use xtb_traffic::coordinator::GridRoom;
@@ -26,6 +27,12 @@ pub trait TravelCost {
     /// # Errors
     /// [`DispatchCode::KeepOut`] or [`DispatchCode::GoalBlocked`], and in words.
     fn admits(&self, car: &Car, to: &Waypoint) -> Result<(), (DispatchCode, String)>;
+
+    /// Whether traffic control could end a drive of this car there, of a point that is admitted: it keeps the whole body
+    /// at [`LEAST_MARGIN_M`] from what is on the map at least.
+    fn has_room(&self, _: &Car, _: &Waypoint) -> bool {
+        true
+    }
 
     /// Whether any way leads this car there from where it stands; `None` = this round has measured enough. Where
     /// that cannot be said, one does.
@@ -156,6 +163,10 @@ impl TravelCost for MapTravelCost {
             return Err((DispatchCode::GoalBlocked, what));
         }
         Ok(())
+    }
+
+    fn has_room(&self, car: &Car, to: &Waypoint) -> bool {
+        self.map.has_room(car, [to.x_m, to.y_m], to.yaw_rad, LEAST_MARGIN_M)
     }
 
     fn is_reachable(&self, car: &Car, from: &MapPose, to: &Waypoint) -> Option<bool> {

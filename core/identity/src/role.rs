@@ -7,6 +7,7 @@ use thiserror::Error;
 
 /// What an identity is for. The keys that each may use are in `xtb-bus`, `acl.rs`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
     /// One robot, under its own name.

@@ -22,8 +22,9 @@ pub use places::check_places;
 pub use zone::{Zone, ZoneError, ZoneKind};
 
 use crate::MapPose;
-use crate::geometry::{Car, Cell, Grid};
+use crate::geometry::{Car, Cell, Grid, Rect};
 use crc::{CRC_64_XZ, Crc};
+use std::f64::consts::TAU;
 use thiserror::Error;
 use xtb_protocol::messages::{MAX_ZONES, MapHash, MapPlace, is_map_name};
 
@@ -43,6 +44,9 @@ pub enum MapError {
     #[error("{0}")]
     Places(String),
 }
+
+/// So many headings, all around, are tried at a goal of any yaw.
+pub const GOAL_YAWS: u32 = 16;
 
 /// A floor: every value of this type has passed the checks.
 #[derive(Debug, Clone, PartialEq)]
@@ -125,6 +129,22 @@ impl Map {
     pub fn keep_out_under(&self, car: &Car, pose: &MapPose) -> Option<&Zone> {
         let corners = car.corners(pose);
         self.keep_outs().find(|zone| zone.touches(&corners))
+    }
+
+    /// Whether the body of a car, grown by a margin in m, has room at a point, in m, on free floor and outside of
+    /// keep-outs: at this yaw, else at any of [`GOAL_YAWS`].
+    #[must_use]
+    pub fn has_room(&self, car: &Car, [x_m, y_m]: [f64; 2], yaw_rad: Option<f64>, margin_m: f64) -> bool {
+        let is_blocked = |column: i64, row: i64| {
+            let [x_m, y_m] = self.grid.centre_m(column, row);
+            self.grid.cell(column, row) != Cell::Free || self.keep_outs().any(|zone| zone.holds(x_m, y_m))
+        };
+        let has_room = |yaw_rad: f64| {
+            let body = Rect::body(car, &MapPose { x_m, y_m, yaw_rad });
+            body.is_free_on(&self.grid, margin_m, is_blocked)
+        };
+        let mut yaws = (0..GOAL_YAWS).map(|n| f64::from(n) * TAU / f64::from(GOAL_YAWS));
+        yaw_rad.map_or_else(|| yaws.any(has_room), has_room)
     }
 
     /// The one-way zone that forbids to be at a point while driving on this course (the direction of

@@ -40,7 +40,8 @@ pub use passing::PASS_M;
 pub use prepared_map::PreparedMap;
 pub use replan::{PlanDone, PlanFailure, PlanJob};
 pub use traffic_guidance::{
-    ALONE_AFTER_MS, GRAZE_M, LONGEST_PATH_M, NO_WAY_MS, START_WITHIN_M, TRAFFIC_LOST_MS, TrafficGuidance,
+    ALONE_AFTER_MS, BODY_MARGINS_M, GRAZE_M, LEAST_MARGIN_M, LONGEST_PATH_M, NO_WAY_MS, START_WITHIN_M,
+    TRAFFIC_LOST_MS, TrafficGuidance,
 };
 pub use turn::{Decision, HoldReason, Progress, STANDS_MPS, Sensed, TargetPose};
 

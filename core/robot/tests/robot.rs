@@ -5,8 +5,12 @@
 mod bench;
 
 use bench::*;
+use std::sync::Arc;
 use xtb_control::controller::Mode;
 use xtb_control::{Command, PwmCount, Sample, Stamp};
+use xtb_nav::geometry::Grid;
+use xtb_nav::map::Map;
+use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
     Body, GoalStatus, Lease, LinkLoss, Outcome, RejectCode, Request, Route, Setpoint, StopReason,
@@ -347,6 +351,31 @@ fn hear_traffic(bench: &mut Bench, seq: u64) {
     };
     let now = bench.now;
     bench.robot.agent_mut().route(now, &route);
+}
+
+#[test]
+fn a_goal_too_near_to_a_wall_for_traffic_control_is_refused_at_once_while_it_leads() {
+    let mut bench = Bench::new();
+    let room = Grid::free(0.05, [-5.0, -5.0], 200, 200).unwrap();
+    let map = Map::new("room", room, Vec::new()).unwrap();
+    bench.robot.agent_mut().set_floor(Arc::new(PreparedMap::of(map)));
+    let goal = |x_m: f64| Body::Goto {
+        x_m,
+        y_m: 0.0,
+        yaw_rad: None,
+        via: None,
+        on_link_loss: LinkLoss::Finish,
+        finish_s: 60.0,
+    };
+    // The wall is at 5 m, and half a truck is 0.2 m wide.
+    let near = 5.0 - 0.22;
+    goal_of(&bench.ask(goal(near)));
+    hear_traffic(&mut bench, 1);
+    let Outcome::Error(refused) = bench.ask(goal(near)).result else { panic!("it is not refused") };
+    assert_eq!(refused.code, RejectCode::GoalBlocked);
+    assert!(refused.message.contains("traffic control, which keeps 5 cm"), "{refused:?}");
+    hear_traffic(&mut bench, 2);
+    goal_of(&bench.ask(goal(4.7)));
 }
 
 #[test]

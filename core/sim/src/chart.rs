@@ -31,11 +31,15 @@ pub enum ChartError {
 }
 
 impl World {
-    /// The map of this world, with its zones and places; `resolution_m` is the side of a cell.
+    /// The map of this world, with its zones and places; `resolution_m` is the side of a cell. A world that was made
+    /// of a map has that one, in its own cells.
     ///
     /// # Errors
     /// See [`ChartError`].
     pub fn chart(&self, resolution_m: f64) -> Result<Map, ChartError> {
+        if let Some(map) = self.map() {
+            return Ok(map.clone());
+        }
         let mut grid = empty(self.extent(), resolution_m)?;
         for solid in self.solids() {
             raster::polygon(&mut grid, &solid.shape.corners(), Cell::Occupied);

@@ -24,14 +24,18 @@ impl World {
         let mut bodies: Vec<_> = poses.iter().map(|pose| footprint(pose, body)).collect();
         let mut lanes: Vec<_> = poses.iter().map(|pose| lane(pose, body)).collect();
         let clear = |shape: &OrientedBox, of: &[OrientedBox]| of.iter().all(|o| shape.separation_m(o) > 0.0);
-        let floor = self.floor().unwrap_or_else(|| Bounds::around(0.0, 0.0, OPEN_SIDE_M, OPEN_SIDE_M));
+        let floor = self
+            .floor()
+            .or_else(|| self.map_bounds())
+            .unwrap_or_else(|| Bounds::around(0.0, 0.0, OPEN_SIDE_M, OPEN_SIDE_M));
         for pose in places(floor, body) {
             if poses.len() == robots {
                 break;
             }
             let (here, ahead) = (footprint(&pose, body), lane(&pose, body));
             let free = clear(&here, &solids) && clear(&here, &bodies) && clear(&here, &lanes);
-            if free && clear(&ahead, &solids) && clear(&ahead, &bodies) {
+            let known = self.is_known_free(&here) && self.is_known_free(&ahead);
+            if free && known && clear(&ahead, &solids) && clear(&ahead, &bodies) {
                 poses.push(pose);
                 bodies.push(here);
                 lanes.push(ahead);

@@ -45,6 +45,7 @@
 //! ```
 
 mod layout;
+mod of_map;
 
 pub use layout::{BoxSpec, Ramp, Room, Wall};
 
@@ -217,8 +218,11 @@ impl World {
         self.0.room.map(|room| Bounds::around(room.x_m, room.y_m, room.width_m, room.depth_m))
     }
 
-    /// The part of the plane in which things happen: the room, and everything outside of it.
+    /// The part of the plane in which things happen: the room, and everything outside of it; or the map.
     pub(crate) fn extent(&self) -> Bounds {
+        if let Some(map) = self.map_bounds() {
+            return map;
+        }
         let starts = self.0.starts.iter().map(|pose| Bounds::around(pose.x_m, pose.y_m, 0.0, 0.0));
         let contents = self.solids().map(|solid| solid.shape.bounds()).chain(starts);
         match (self.floor(), contents.reduce(Bounds::union)) {

@@ -52,6 +52,14 @@ pub enum WorldError {
         /// The name.
         name: String,
     },
+    /// A map whose occupied cells make more boxes than a simulator can look for.
+    #[error("the map has {boxes} separate things, the limit is {most}: clean it, or use larger cells")]
+    TooManyBoxes {
+        /// How many it has.
+        boxes: usize,
+        /// As many are possible.
+        most: usize,
+    },
     /// A robot would start inside something.
     #[error("start {start} is inside {what}")]
     StartBlocked {

@@ -11,6 +11,7 @@ import { bounds } from "./floor.js";
 import { Link } from "./link.js";
 import { FrameRate } from "./frame_rate.js";
 import * as panels from "./panels.js";
+import { PlaybackBar } from "./playback.js";
 import { Plots } from "./plots.js";
 import { robotList, robotPanel } from "./robots.js";
 import { Store, shown } from "./store.js";
@@ -33,6 +34,7 @@ const [store, pace, plots] = [new Store(), new FrameRate(), new Plots()];
 const canvas = byId("floor");
 const picture = new Picture(canvas);
 const view = new View(canvas);
+const playback = new PlaybackBar(byId("playback"));
 let unseen = null; // number of the frame that is not answered yet
 let panelsMs = 0;
 let stop = null; // what became of the last emergency stop
@@ -275,6 +277,7 @@ function drawHeader(nowMs) {
   banner.hidden = !text;
   if (banner.textContent !== text) banner.textContent = text;
   byId("estop").disabled = Boolean(readOnly);
+  if (hello?.live === false) playback.begin();
   render(whoMenu(hello), byId("who"));
   render(panels.services(store), byId("services"));
 }

@@ -81,7 +81,7 @@ export function robotPanel(store, act, look) {
 
 function stale(robot) {
   const last = robot.pose ? ` Last position: ${point(robot.pose)}.` : "";
-  return html`<div class="box warn"><p><strong>${robot.alive ? "Stale" : "Offline"}: motion unknown.</strong></p>
+  return html`<div class="box warn"><p><strong>${robot.alive === null ? "Unknown" : robot.alive ? "Stale" : "Offline"}: motion unknown.</strong></p>
     <p>Last message: ${robot.age_ms === null ? "none" : `${age(robot.age_ms)} ago`}.${last}</p></div>`;
 }
 

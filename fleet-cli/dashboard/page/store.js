@@ -196,7 +196,7 @@ function forgotten(robots, frameAtMs) {
 }
 
 function unknown(robot) {
-  return { ...robot, alive: false, stale: true, latches: [], faults: [], why: [], mode: null, lease: null,
+  return { ...robot, alive: null, stale: true, latches: [], faults: [], why: [], mode: null, lease: null,
     task: null, goal: null, ir_cm: null, path: null, speed_mps: null, reference_mps: null,
     battery_v: null, battery_level: null, tilt_deg: null, obstacle: null, stopped_age_ms: null };
 }

@@ -40,6 +40,7 @@ export function plain(name) {
 
 // The robot in a line for the list: what it does, or why it stands.
 export function line(robot) {
+  if (robot.alive === null) return "unknown: no connection";
   if (robot.age_ms === null && !robot.alive) return "missing";
   if (!robot.alive) return "offline: motion unknown";
   if (robot.stale) return "stale: motion unknown";
@@ -61,6 +62,7 @@ function mode(name) {
 
 // What its chip says: [words, tone].
 export function chip(robot) {
+  if (robot.alive === null) return ["unknown", ""];
   if (!robot.alive) return ["offline", ""];
   if (robot.stale) return ["stale", ""];
   if (robot.latches.length > 0) return ["latched", "bad"];

@@ -3,6 +3,7 @@
 use super::access::Visitor;
 use super::hello::{Hello, Who};
 use super::metrics::Metrics;
+use super::playback::Playback;
 use super::security::Guard;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,6 +24,8 @@ pub struct Shown {
     pub scene: Arc<Shared>,
     /// Who commands; `None` = playing a recording.
     pub commands: Option<Client>,
+    /// What plays the recording, if one is played.
+    pub playback: Option<Arc<dyn Playback>>,
 }
 
 /// What all requests share.

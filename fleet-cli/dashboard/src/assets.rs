@@ -48,6 +48,8 @@ const FILES: &[Asset] = &[
     asset!("map.css", CSS),
     asset!("frame_rate.js", JS),
     asset!("panels.js", JS),
+    asset!("playback.css", CSS),
+    asset!("playback.js", JS),
     asset!("plots.js", JS),
     asset!("robots.js", JS),
     asset!("shapes.js", JS),

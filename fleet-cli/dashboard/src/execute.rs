@@ -158,6 +158,8 @@ mod tests {
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn an_emergency_stop_lists_who_has_acknowledged_and_who_has_not() {
         let client = Client::alone(Duration::from_secs(1)).await;
+        // A link that is lost would be waited for.
+        let _linked = client.another().await;
         let _there = FakeRobot::start(&client, "xtb-1").await;
         let silent = FakeRobot::start(&client, "xtb-2").await;
         silent.lock().mute = true;

@@ -22,6 +22,8 @@ mod metrics;
 mod orders;
 mod people;
 mod places;
+mod playback;
+mod playback_routes;
 mod security;
 mod server;
 mod session;
@@ -32,6 +34,7 @@ mod teleop_session;
 mod tls;
 
 pub use app::Shown;
+pub use playback::{Playback, PlaybackPosition};
 pub use security::Origin;
 pub use server::{Running, Settings};
 pub use tls::Secure;

@@ -1,4 +1,4 @@
-//! The dashboard's HTTP server: page, socket, metrics. Nothing is changed by a plain request.
+//! The dashboard's HTTP server: page, socket, metrics. No robot is reached by a plain request.
 
 use super::access::{Access, Visitor};
 use super::app::{App, Shown};
@@ -8,7 +8,7 @@ use super::people::People;
 use super::places::Places;
 use super::security::{Entry, Guard, HEADERS, Origin, Refusal, TLS_ONLY};
 use super::tls::{Loaded, Secure};
-use super::{assets, listener, sign_in, socket};
+use super::{assets, listener, playback_routes, sign_in, socket};
 use axum::extract::ws::WebSocket;
 use axum::extract::{Request, State, WebSocketUpgrade};
 use axum::http::{HeaderName, HeaderValue, Method, StatusCode, header};
@@ -217,6 +217,7 @@ fn router(app: Arc<App>) -> Router {
         .route("/metrics", get(metrics))
         .route("/healthz", get(|| async { "ok\n" }))
         .merge(sign_in::routes())
+        .merge(playback_routes::routes())
         .fallback(page)
         .layer(from_fn_with_state(Arc::clone(&app), guarded))
         .with_state(app)

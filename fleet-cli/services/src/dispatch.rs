@@ -16,6 +16,7 @@ pub mod store;
 pub mod usage;
 
 use crate::ledger;
+use schemars::JsonSchema;
 use serde::Serialize;
 use standby_link::StandbyLink;
 use std::path::Path;
@@ -39,7 +40,7 @@ pub const CLIENT: &str = "dispatch";
 const GONE_WITHIN: Duration = Duration::from_secs(3);
 
 /// What it has done and refused, for everybody to see.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Counters {
     /// Questions that were read.
     pub questions: u64,

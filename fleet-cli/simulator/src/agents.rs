@@ -106,6 +106,8 @@ impl RunningAgent {
 fn failed(config: &AgentConfig, error: &AgentError) -> Error {
     match error {
         AgentError::NameTaken(name) => names_taken(&config.fleet, std::slice::from_ref(name)),
+        AgentError::Record(_) => Error::new(ErrorKind::Failed, format!("{}: {error}", config.robot))
+            .hint("--record needs a folder with write permission and room on its disk"),
         _ => Error::new(ErrorKind::Failed, format!("{}: {error}", config.robot)),
     }
 }

@@ -154,3 +154,29 @@ fn a_task_says_what_its_robot_does_without_the_dispatcher() {
     let halt = terms("wander --for 60");
     assert_eq!((halt.on_link_loss, halt.finish), (LinkLossArg::Halt, None));
 }
+
+#[test]
+fn a_usage_line_is_that_of_the_verb_whatever_was_typed() {
+    for (line, usage) in [
+        ("wander xtb-1 --for -3 --timeout 5", "Usage: fleet-cli wander [OPTIONS] <ROBOT>"),
+        ("--connect 10.0.0.1 goto xtb-1", "Usage: fleet-cli goto [OPTIONS] <ROBOT> <X|PLACE> [Y]"),
+        ("dispatch activate --fly", "Usage: fleet-cli dispatch activate [OPTIONS]"),
+        ("stop --json", "Usage: fleet-cli stop [OPTIONS] <ROBOT|--all>"),
+    ] {
+        let said = read(&format!("fleet-cli {line}")).unwrap_err().to_string();
+        let found = said.lines().find(|line| line.starts_with("Usage: ")).unwrap();
+        assert_eq!(found, usage, "{said}");
+    }
+}
+
+#[test]
+fn who_gives_no_verb_gets_a_short_list_of_all() {
+    let short = read("fleet-cli").unwrap_err().to_string();
+    assert!(short.lines().count() < 20, "{short}");
+    let words: Vec<&str> = short.split_whitespace().collect();
+    for verb in Cli::command().get_subcommands().filter(|verb| !verb.is_hide_set()) {
+        assert!(words.contains(&verb.get_name()), "{} is missing in\n{short}", verb.get_name());
+    }
+    let long = read("fleet-cli --json").unwrap_err();
+    assert_eq!(usage_failure(&long).message, "a verb is missing");
+}

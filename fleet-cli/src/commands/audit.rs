@@ -6,6 +6,7 @@ mod recording;
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use clap::Args;
@@ -52,6 +53,9 @@ fn moment(text: &str) -> std::result::Result<SystemTime, String> {
     let at = humantime::parse_rfc3339_weak(text).ok().or_else(ago);
     at.ok_or_else(|| "expected a time such as 2026-11-24T08:00:00Z, or a duration such as 24h".to_owned())
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Command>];
 
 /// Prints the commands of all files, the oldest first.
 ///

@@ -3,6 +3,7 @@
 use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::text::task::tone;
 use clap::{ArgGroup, Args};
 use xtb_client::client::Client;
@@ -55,6 +56,9 @@ pub struct RetryArgs {
     #[arg(value_name = "TASK", required = true)]
     pub tasks: Vec<TaskId>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<TaskChange>];
 
 /// Ends tasks.
 ///

@@ -14,14 +14,17 @@ pub struct CompletionsArgs {
     pub shell: clap_complete::Shell,
 }
 
-/// Robots and tasks that there are now, beside what clap knows.
+/// Robots, tasks, places, tags and fleets that there are now, beside what clap knows.
 const LIVE_BASH: &str = r#"
 _fleet-cli_live() {
     local cur="${COMP_WORDS[COMP_CWORD]}" word kind= i
     _fleet__cli "$@"
-    if [[ ${COMP_WORDS[COMP_CWORD-1]} == --robot ]]; then
-        kind=robots
-    elif [[ $cur != -* ]]; then
+    case "${COMP_WORDS[COMP_CWORD-1]}" in
+        --robot | --expect) kind=robots ;;
+        --tag) kind=tags ;;
+        --fleet) kind=fleets ;;
+    esac
+    if [[ -z $kind && $cur != -* ]]; then
         for ((i = 1; i < COMP_CWORD; i++)); do
             word="${COMP_WORDS[i]}"
             case "$word" in
@@ -29,7 +32,8 @@ _fleet-cli_live() {
                     kind=robots
                     ((i < COMP_CWORD - 1)) || [[ ${COMP_WORDS[i-1]} == dispatch ]] && kind=places
                     break ;;
-                route | patrol) kind=places && break ;;
+                route | patrol | remove) kind=places && break ;;
+                here) ((i == COMP_CWORD - 2)) && kind=robots; break ;;
                 task | cancel | pause | resume | retry | extend) kind=tasks && break ;;
                 status | why | wander | stop | estop | reset | teleop | top | fetch-log) kind=robots && break ;;
                 dispatch) ;;
@@ -45,7 +49,11 @@ const LIVE_FISH: &str = r#"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from task cancel pause resume retry extend" -a "(fleet-cli names tasks 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why goto wander stop estop reset set-pose teleop top fetch-log; and not __fish_seen_subcommand_from dispatch" -a "(fleet-cli names robots 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from goto set-pose route patrol" -a "(fleet-cli names places 2>/dev/null)"
+complete -c fleet-cli -f -n "__fish_seen_subcommand_from remove" -a "(fleet-cli names places 2>/dev/null)"
+complete -c fleet-cli -f -n "__fish_seen_subcommand_from here" -a "(fleet-cli names robots 2>/dev/null)"
 complete -c fleet-cli -n "__fish_seen_subcommand_from dispatch tasks" -l robot -x -a "(fleet-cli names robots 2>/dev/null)"
+complete -c fleet-cli -n "__fish_seen_subcommand_from dispatch place" -l tag -x -a "(fleet-cli names tags 2>/dev/null)"
+complete -c fleet-cli -l fleet -x -a "(fleet-cli names fleets 2>/dev/null)"
 "#;
 
 /// For zsh these stand in the place of clap's `_default`.
@@ -60,6 +68,16 @@ _fleet-cli_places() {
     local names; names=(${(f)"$(fleet-cli names places 2>/dev/null)"})
     _describe -t places 'place' names
 }
+(( $+functions[_fleet-cli_tags] )) ||
+_fleet-cli_tags() {
+    local names; names=(${(f)"$(fleet-cli names tags 2>/dev/null)"})
+    _describe -t tags 'tag' names
+}
+(( $+functions[_fleet-cli_fleets] )) ||
+_fleet-cli_fleets() {
+    local names; names=(${(f)"$(fleet-cli names fleets 2>/dev/null)"})
+    _describe -t fleets 'fleet' names
+}
 (( $+functions[_fleet-cli_tasks] )) ||
 _fleet-cli_tasks() {
     local names; names=(${(f)"$(fleet-cli names tasks 2>/dev/null)"})
@@ -67,11 +85,13 @@ _fleet-cli_tasks() {
 }
 "#;
 
-/// clap's script for zsh, which asks for robots and tasks where it has arguments that are such.
+/// clap's script for zsh, which asks for what there is where it has arguments that are such.
 fn zsh(script: &str) -> String {
     let live = |line: &str| {
         let whose = line.trim_start_matches('\'').trim_start_matches('*').trim_start_matches(':');
         let of = match whose.split([' ', '=']).next() {
+            _ if line.contains("--tag=[") => "tags",
+            _ if line.contains("--fleet=[") => "fleets",
             Some("robot" | "robots" | "--robot") if line.contains(" -- ") || line.contains(":ROBOT:") => {
                 "robots"
             }

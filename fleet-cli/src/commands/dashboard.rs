@@ -3,9 +3,11 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::pki;
 use crate::recording::playback_worker::PlaybackWorker;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
@@ -109,7 +111,7 @@ const PLAYED_HZ: f64 = 20.0;
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 /// The one line that says it is ready.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ready<'a> {
     ready: bool,
     /// To be opened in a browser; with the token for everybody, if there is one.
@@ -119,6 +121,9 @@ struct Ready<'a> {
     read_only: bool,
     fleet: &'a str,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Ready<'_>>];
 
 /// Serves the page until it is interrupted.
 ///
@@ -135,7 +140,7 @@ pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
     let starting = async {
         let client = Client::open(&ctx.settings).await?;
         let live = Live::open(&client, Wanted::default()).await?;
-        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some(client.clone()) };
+        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some(client.clone()), playback: None };
         let foxglove = foxglove(ctx, args, &live).await?;
         let running = Running::start(settings, shown).await?;
         Ok::<_, Error>((client, live, running, foxglove))
@@ -179,7 +184,8 @@ pub(crate) async fn played(ctx: &Context, playing: Arc<PlaybackWorker>, listen: 
     let stop = pin!(interrupted());
     let settings =
         Settings { token: None, read_only: true, hz: PLAYED_HZ, ..settings(&DashboardArgs::at(listen)) };
-    let running = Running::start(settings, Shown { scene: playing.scene(), commands: None }).await?;
+    let shown = Shown { scene: playing.scene(), commands: None, playback: Some(playing) };
+    let running = Running::start(settings, shown).await?;
     ready(ctx, &running, true)?;
     stop.await;
     running.stop().await;

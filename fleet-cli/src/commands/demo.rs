@@ -7,16 +7,19 @@ use crate::commands::sim::embedded::EmbeddedDispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::output::Tone;
 use crate::table::{Cell, Table};
 use crate::tui::picture::{Picture, Scene};
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use xtb_client::client::Client;
 use xtb_client::control::Control;
+use xtb_client::fleet_view::by_number;
 use xtb_client::state_feed::StateFeed;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::frames::MapPose;
@@ -58,7 +61,7 @@ const GOAL_WITHIN_S: f64 = 240.0;
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// The result, as `--json` prints it.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 struct Summary {
     robots: usize,
     goals: usize,
@@ -78,6 +81,9 @@ struct Leg {
     virtual_s: f64,
     error_m: Option<f64>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Summary>];
 
 /// Runs the demonstration.
 ///
@@ -185,7 +191,7 @@ async fn drive(ctx: &Context, args: &DemoArgs, simulator: &Simulator) -> Result<
     }
     drop(picture);
     client.close().await;
-    legs.sort_by(|a, b| a.robot.cmp(&b.robot));
+    legs.sort_by_cached_key(|leg| by_number(&leg.robot));
     Ok(Some(legs))
 }
 

@@ -19,6 +19,7 @@ use crate::commands::dispatch::submit::{
 };
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::Verbs;
 use clap::{Args, Subcommand};
 use robot_agent::files;
 use std::path::{Path, PathBuf};
@@ -85,6 +86,21 @@ pub struct LedgerArgs {
     pub ledger: Option<PathBuf>,
 }
 
+/// What its verbs print with `--json`.
+pub(super) const JSON: Verbs = &[
+    ("dispatch serve", serve::JSON),
+    ("dispatch goto", submit::JSON),
+    ("dispatch route", submit::JSON),
+    ("dispatch patrol", submit::JSON),
+    ("dispatch wander", submit::JSON),
+    ("dispatch submit", submit::JSON),
+    ("dispatch status", status::JSON),
+    ("dispatch activate", activate::JSON),
+    ("dispatch adopt", adopt::JSON),
+    ("dispatch compact", compact::JSON),
+    ("dispatch export", export::JSON),
+];
+
 /// Carries out one of its verbs.
 ///
 /// # Errors
@@ -110,6 +126,8 @@ pub async fn run(ctx: &Context, args: &DispatchArgs) -> Result<Exit> {
 /// # Errors
 /// [`ErrorKind::Config`]: it cannot be read, or is too long.
 fn text(path: &Path, max_bytes: usize) -> Result<String> {
-    files::text(path, max_bytes)
-        .map_err(|error| Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display())))
+    files::text(path, max_bytes).map_err(|error| {
+        Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display()))
+            .hint("configs/tasks.toml is an example of a file of tasks, docs/guide/tasks.md of points")
+    })
 }

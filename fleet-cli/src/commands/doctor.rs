@@ -5,17 +5,21 @@ mod checks;
 mod clock;
 mod finding;
 mod fixes;
+mod groups;
 mod security;
 mod services;
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use checks::Facts;
 use clap::Args;
 use clock::Mark;
 use finding::{Finding, Level};
 use fixes::FixBook;
+use groups::grouped;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -24,6 +28,7 @@ use tokio::task::JoinSet;
 use xtb_bus::{Incoming, Subscription};
 use xtb_client::Result;
 use xtb_client::client::{Client, Seen};
+use xtb_client::fleet_view::by_number;
 use xtb_client::state_feed::StateFeed;
 use xtb_client::{Action, ErrorKind};
 use xtb_protocol::keys::{Key, RobotKeys};
@@ -48,11 +53,9 @@ const FIRST_STATE_WITHIN: Duration = Duration::from_secs(1);
 /// Who else answers in a robot's name is heard this long after the first answer.
 const LINGER: Duration = Duration::from_millis(200);
 const LABEL_WIDTHS: [usize; 2] = [8, 9];
-/// Robots with the same finding that are named.
-const NAMES_SHOWN: usize = 8;
 
 /// What was found, as `--json` prints it.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Report {
     fleet: Name,
     problems: usize,
@@ -61,12 +64,18 @@ struct Report {
 }
 
 impl Report {
-    fn new(fleet: &Name, findings: Vec<Finding>) -> Self {
+    fn new(fleet: &Name, mut findings: Vec<Finding>) -> Self {
+        for topic in findings.chunk_by_mut(|one, other| one.topic == other.topic) {
+            topic.sort_by_cached_key(|it| (it.robot.is_none(), it.robot.as_ref().map(by_number)));
+        }
         let count = |level| findings.iter().filter(|finding| finding.level == level).count();
         let (problems, warnings) = (count(Level::Problem), count(Level::Warning));
         Self { fleet: fleet.clone(), problems, warnings, findings }
     }
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Report>];
 
 /// Checks everything. Problems make it [`Exit::Failed`], warnings do not.
 ///
@@ -251,34 +260,11 @@ async fn clock_rates(
     rates
 }
 
-/// Each finding once, with the robots of which it is.
-fn grouped(findings: &[Finding]) -> Vec<(&Finding, Vec<&Name>)> {
-    let mut groups: Vec<(&Finding, Vec<&Name>)> = Vec::new();
-    for finding in findings {
-        let same = groups
-            .iter_mut()
-            .find(|(other, robots)| !robots.is_empty() && finding.robot.is_some() && finding.is_also(other));
-        match same {
-            Some((_, robots)) => robots.extend(&finding.robot),
-            None => groups.push((finding, finding.robot.iter().collect())),
-        }
-    }
-    groups
-}
-
-/// Names, of very many only the first.
-fn listed(robots: &[&Name]) -> String {
-    let shown = robots.iter().take(NAMES_SHOWN).map(|name| name.as_str()).collect::<Vec<_>>().join(", ");
-    match robots.len().saturating_sub(NAMES_SHOWN) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
-    }
-}
-
 fn text(report: &Report, out: &Output) -> String {
     let [level_width, topic_width] = LABEL_WIDTHS;
     let mut lines = Vec::new();
-    for (finding, robots) in grouped(&report.findings) {
+    for group in grouped(&report.findings) {
+        let finding = group.first;
         let (word, tone) = match finding.level {
             Level::Ok => ("ok", Tone::Good),
             Level::Warning => ("warning", Tone::Warning),
@@ -286,11 +272,10 @@ fn text(report: &Report, out: &Output) -> String {
         };
         let word = out.paint(tone, &format!("{word:level_width$}"));
         let topic = out.paint(Tone::Dim, &format!("{:topic_width$}", finding.topic));
-        let robots = if robots.is_empty() { String::new() } else { format!("{}: ", listed(&robots)) };
-        lines.push(format!("{word} {topic} {robots}{}", finding.text));
-        if let Some(todo) = &finding.todo {
+        lines.push(format!("{word} {topic} {}", group.text()));
+        if let Some(hint) = group.hint() {
             let indent = level_width + topic_width + 1;
-            lines.push(format!("{:indent$} {}", "", out.paint(Tone::Dim, &format!("→ {todo}"))));
+            lines.push(format!("{:indent$} {}", "", out.paint(Tone::Dim, &format!("→ {hint}"))));
         }
     }
     let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });

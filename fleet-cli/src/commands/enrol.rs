@@ -2,6 +2,7 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use clap::Args;
 use robot_agent::enrol::{self, Done, Refusal};
 use std::path::PathBuf;
@@ -36,6 +37,9 @@ pub struct EnrolArgs {
     #[arg(long)]
     pub force: bool,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<enrol::Report<'_>>];
 
 /// Enrols this computer.
 ///

@@ -2,8 +2,10 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::recording::playback_worker::not_readable;
 use clap::{ArgGroup, Args};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -31,7 +33,7 @@ pub struct ExportArgs {
     pub force: bool,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Exported {
     tables: BTreeMap<PathBuf, u64>,
     left_out: u64,
@@ -44,6 +46,9 @@ struct Sheet {
     file: BufWriter<File>,
     rows: u64,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Exported>];
 
 /// Writes the tables.
 ///

@@ -6,11 +6,13 @@ mod fetch;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use clap::Args;
 use fetch::{Fetch, Next};
 use indicatif::{ProgressBar, ProgressStyle};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -60,7 +62,7 @@ const TURNED_AWAY: Duration = Duration::from_millis(200);
 /// Without an answer for this long (or `--timeout`, if that is longer) it is given up.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Fetched<'a> {
     robot: &'a Name,
     file: &'a str,
@@ -72,15 +74,28 @@ struct Fetched<'a> {
     open: bool,
 }
 
+/// A robot's recordings, as `--list` prints them.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Files<'a> {
+    robot: &'a Name,
+    /// The newest first.
+    files: &'a [LogFile],
+    /// Older ones that the robot did not list.
+    left_out: u64,
+}
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Fetched<'_>>, line_of::<Files<'_>>];
+
 /// Lists a robot's recordings, or fetches one.
 ///
 /// # Errors
 /// No router, a robot that does not answer or has no such recording, a disk that will not.
 pub async fn run(ctx: &Context, args: &FetchLogArgs) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
-    let files = list(ctx, &client, &args.robot).await?;
+    let (files, left_out) = list(ctx, &client, &args.robot).await?;
     if args.list {
-        show(ctx.out, &files)?;
+        show(ctx.out, &Files { robot: &args.robot, files: &files, left_out })?;
         client.close().await;
         return Ok(Exit::Done);
     }
@@ -110,24 +125,24 @@ pub async fn run(ctx: &Context, args: &FetchLogArgs) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-async fn list(ctx: &Context, client: &Client, robot: &Name) -> Result<Vec<LogFile>> {
+async fn list(ctx: &Context, client: &Client, robot: &Name) -> Result<(Vec<LogFile>, u64)> {
     match ask(ctx, client, robot, &LogRequest::List {}).await? {
         LogReply::Files { files, left_out } => {
             if left_out > 0 {
                 ctx.out.note(&format!("warning: {left_out} older recordings not listed"));
             }
-            Ok(files)
+            Ok((files, left_out))
         }
         other => Err(refused(robot, &other)),
     }
 }
 
-fn show(out: Output, files: &[LogFile]) -> Result<()> {
+fn show(out: Output, listed: &Files<'_>) -> Result<()> {
     if out.json {
-        return out.line(&files);
+        return out.line(listed);
     }
     let mut table = Table::new(&["recording", "size", "written"]);
-    for file in files {
+    for file in listed.files {
         let age = describe::age(Duration::from_secs(file.age_s));
         let written = if file.open { "now".to_owned() } else { format!("{age} ago") };
         let cell = |text: String| Cell::new(text, Tone::Plain);

@@ -8,7 +8,9 @@ use super::take_control;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::output::Progress;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::pin::pin;
 use std::time::{Duration, Instant};
@@ -23,7 +25,7 @@ use xtb_protocol::{Name, Uuid};
 /// Slower than one encoder pulse a window.
 const STANDING_MPS: f64 = 0.02;
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Report<'a> {
     robot: &'a Name,
     goal: Uuid,
@@ -34,6 +36,9 @@ struct Report<'a> {
     /// From whom control was taken.
     taken_from: Option<&'a str>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Report<'_>>];
 
 /// Sends the goal and, if asked to, stays with it.
 pub(super) async fn run(ctx: &Context, task: &Task) -> Result<Exit> {

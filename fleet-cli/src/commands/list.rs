@@ -6,11 +6,13 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone, terminal_columns};
 use crate::table::{Cell, Narrowing, Table};
 use crate::text::task as task_text;
 use crate::text::width::{shortened, text_width};
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::time::Duration;
 use xtb_client::Result;
@@ -47,13 +49,16 @@ const NARROWER: [Narrowing; 9] = [
 ];
 
 /// The fleet, and what its dispatcher has suspended.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Listed<'a> {
     #[serde(flatten)]
     view: &'a FleetView,
     /// Empty also if there is no dispatcher.
     suspended: Vec<Suspension>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Listed<'_>>];
 
 /// Asks once and prints a row for each robot. A robot that should be there and is not, or is there and does not
 /// say how it is, makes it [`Exit::Unknown`].

@@ -13,6 +13,7 @@ use crate::commands::map::show::MapShowArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::or_interrupted;
+use crate::json::Verbs;
 use crate::values::number;
 use clap::{Args, Subcommand};
 use xtb_client::Result;
@@ -62,6 +63,14 @@ impl MapArgs {
         }
     }
 }
+
+/// What its verbs print with `--json`.
+pub(super) const JSON: Verbs = &[
+    ("map show", show::JSON),
+    ("map check", check::JSON),
+    ("map import", import::JSON),
+    ("map serve", serve::JSON),
+];
 
 /// Carries out one of its verbs.
 ///

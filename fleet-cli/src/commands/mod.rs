@@ -26,6 +26,7 @@ pub mod record;
 pub mod reset;
 pub mod rights;
 pub mod router;
+pub mod schema;
 pub mod set_pose;
 pub mod sim;
 pub mod status;
@@ -139,6 +140,8 @@ pub enum Verb {
     Plan(plan::PlanArgs),
     /// Write the manual pages into a folder.
     Man(man::ManArgs),
+    /// Print what the lines of a verb with --json hold, as JSON Schema.
+    Schema(schema::SchemaArgs),
     /// Print a completion script; in bash, fish and zsh it completes the names of robots and tasks.
     Completions(completions::CompletionsArgs),
     /// Print the names of robots or tasks, for completion scripts.
@@ -207,7 +210,7 @@ async fn carry_out(
         Verb::Estop(args) => {
             let ctx = ctx()?;
             let estop = estop::run(&ctx, &args);
-            or_interrupted_saying(estop, "stop not confirmed", SHOWS_STANDSTILL).await
+            or_interrupted_saying(estop, "stop not confirmed", estop::MAY_DRIVE).await
         }
         Verb::Reset(args) => {
             let ctx = ctx()?;
@@ -247,6 +250,7 @@ async fn carry_out(
         Verb::Demo(args) => demo::run(&ctx()?, args).await,
         Verb::Plan(args) => plan::run(out, args).await,
         Verb::Names(args) => names::run(&ctx()?, &args).await,
+        Verb::Schema(args) => schema::run(out, &args),
         Verb::Man(args) => man::run(out, &args, grammar),
         Verb::Completions(args) => completions::run(out, &args, grammar),
     }

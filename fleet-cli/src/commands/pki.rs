@@ -10,6 +10,7 @@ mod token;
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::Verbs;
 use crate::pki::{self, Pki, Validity};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -104,6 +105,20 @@ impl OutArgs {
         if self.apply { pki.ask_to_apply() } else { Ok(()) }
     }
 }
+
+/// What its verbs print with `--json`.
+pub(super) const JSON: Verbs = &[
+    ("pki init", init::JSON),
+    ("pki add-robot", add::JSON),
+    ("pki add-person", add::JSON),
+    ("pki add-service", add::JSON),
+    ("pki add-router", add::JSON),
+    ("pki renew", renew::JSON),
+    ("pki revoke", revoke::JSON),
+    ("pki list", list::JSON),
+    ("pki token", token::JSON),
+    ("pki export", export::JSON),
+];
 
 /// Carries out one of its verbs.
 ///

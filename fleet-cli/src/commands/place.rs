@@ -4,10 +4,12 @@ mod file;
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{Verbs, line_of};
 use crate::map_file;
 use crate::point::PointArgs;
 use crate::values::degrees;
 use clap::{Args, Subcommand, ValueEnum};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xtb_client::fleet_view::by_number;
@@ -171,18 +173,26 @@ impl PlaceArgs {
 }
 
 /// What `place list` prints with `--json`.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Listed<'a> {
     places: Vec<&'a MapPlace>,
 }
 
 /// What a change prints with `--json`.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Changed<'a> {
     file: &'a Path,
     added: Option<&'a MapPlace>,
     removed: &'a [Name],
 }
+
+/// What its verbs print with `--json`.
+pub(super) const JSON: Verbs = &[
+    ("place list", &[line_of::<Listed<'_>>]),
+    ("place add", &[line_of::<Changed<'_>>]),
+    ("place here", &[line_of::<Changed<'_>>]),
+    ("place remove", &[line_of::<Changed<'_>>]),
+];
 
 /// Carries out one of its verbs.
 ///

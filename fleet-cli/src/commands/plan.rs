@@ -7,11 +7,13 @@ mod schedule;
 
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Progress};
 use crate::values::seconds;
 use clap::Args;
 use instance::Instance;
 use race::{Planned, Race};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -57,7 +59,7 @@ pub struct PlanArgs {
 const PROGRESS_EVERY: Duration = Duration::from_millis(500);
 
 /// What came out, for programs and people.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 pub(crate) struct Statistics {
     agents: usize,
     /// Way of all robots together, in the instance's unit.
@@ -78,6 +80,9 @@ pub(crate) struct Statistics {
     improved: usize,
 }
 
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Statistics>];
+
 /// Plans, checks the plan once more, and writes it.
 ///
 /// # Errors
@@ -85,7 +90,7 @@ pub(crate) struct Statistics {
 /// be written.
 pub async fn run(out: Output, args: PlanArgs) -> Result<Exit> {
     let begun = Instant::now();
-    let instance = Instance::read(&args.instance)?;
+    let instance = Instance::read(&out, &args.instance)?;
     let race = Race::start(&instance.problem, args.seed, begun + args.time_limit);
     let planned = tokio::select! {
         ended = follow(out, begun, &args, &race) => ended,
@@ -186,6 +191,8 @@ fn statistics(instance: &Instance, planned: &Planned, begun: Instant) -> Statist
 }
 
 fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text)
-        .map_err(|error| Error::new(ErrorKind::Failed, format!("cannot write {}: {error}", path.display())))
+    std::fs::write(path, text).map_err(|error| {
+        Error::new(ErrorKind::Failed, format!("cannot write {}: {error}", path.display()))
+            .hint("--out and --plot need files in existing folders")
+    })
 }

@@ -3,9 +3,11 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::recording::playback_worker::{PlaySettings, PlaybackWorker, not_readable};
 use crate::values::{number, part_of_a_day};
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::net::SocketAddr;
@@ -51,7 +53,7 @@ fn speed(text: &str) -> std::result::Result<f64, String> {
 /// Between two looks at what is due.
 const TICK: Duration = Duration::from_millis(20);
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Line<'a> {
     key: &'a str,
     #[serde(rename = "type")]
@@ -59,6 +61,9 @@ struct Line<'a> {
     at_s: f64,
     value: &'a AnyMessage,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Line<'_>>];
 
 /// Plays it: in the cockpit, on the dashboard's page, or what happened as lines; with `--json` every
 /// message, as `watch` prints them.

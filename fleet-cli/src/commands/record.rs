@@ -3,10 +3,12 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::output;
 use crate::recording::recorder_worker::{Progress, RecorderWorker};
 use crate::values::{number, seconds};
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
@@ -69,13 +71,13 @@ fn chunk(text: &str) -> std::result::Result<Duration, String> {
 
 const SHOW_EVERY: Duration = Duration::from_millis(500);
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ready {
     ready: bool,
     recording: PathBuf,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ended {
     files: Vec<PathBuf>,
     bytes: u64,
@@ -83,6 +85,9 @@ struct Ended {
     #[serde(flatten)]
     counts: Counts,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Ready>, line_of::<Ended>];
 
 /// Records until it is interrupted, `--for` is over, or the disk is full.
 ///

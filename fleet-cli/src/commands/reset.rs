@@ -4,6 +4,7 @@ use super::once_each;
 use crate::args::{LeaseArgs, WhoArgs};
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use crate::values::latch;
 use clap::Args;
@@ -32,6 +33,9 @@ pub struct ResetArgs {
     #[command(flatten)]
     pub lease: LeaseArgs,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<ResetReport>];
 
 /// Resets one latch, or all, of the robots named or of all that have any.
 ///

@@ -67,6 +67,7 @@ pub fn needed(verb: &Verb) -> Option<Action> {
         | Verb::Enrol(_)
         | Verb::Router(_)
         | Verb::Plan(_)
+        | Verb::Schema(_)
         | Verb::Man(_)
         | Verb::Completions(_) => None,
     }

@@ -3,16 +3,19 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::pki;
 use crate::values::ros_domain;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
+use serde_json::{Map, Value};
 use std::path::PathBuf;
 use std::pin::pin;
 use std::time::Duration;
 use xtb_bus::{Bus, LINK_LEASE};
 use xtb_client::DEFAULT_ENDPOINT;
-use xtb_client::{Error, ErrorKind, Result};
+use xtb_client::Result;
 use xtb_services::router::{self, GuardedRouter, News};
 
 const ROUTER_HELP: &str = "\
@@ -57,7 +60,7 @@ pub struct RouterArgs {
 }
 
 /// The one line that says it is ready.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ready<'a> {
     ready: bool,
     router: &'a str,
@@ -67,6 +70,18 @@ struct Ready<'a> {
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     connect: &'a [String],
 }
+
+/// zenohd's own configuration.
+#[derive(Debug, Serialize, JsonSchema)]
+struct ZenohdConfig {
+    /// Who may do what.
+    access_control: Value,
+    #[serde(flatten)]
+    rest: Map<String, Value>,
+}
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Ready<'_>>, line_of::<ZenohdConfig>];
 
 /// Runs until it is interrupted.
 ///
@@ -100,9 +115,10 @@ async fn guarded(ctx: &Context, args: &RouterArgs, connect: &[String]) -> Result
     let pki = pki::place(args.pki.as_deref())?;
     if args.print_acl {
         let config = router::zenohd_config(&args.listen, connect, &pki, args.ros2)?;
-        let text = serde_json::to_string_pretty(&config)
-            .map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
-        ctx.out.result(&config, |_| text.clone())?;
+        let text = format!("{config:#}");
+        let mut rest = config.as_object().cloned().unwrap_or_default();
+        let access_control = rest.remove("access_control").unwrap_or_default();
+        ctx.out.result(&ZenohdConfig { access_control, rest }, |_| text)?;
         return Ok(Exit::Done);
     }
     let mut stop = pin!(interrupted());

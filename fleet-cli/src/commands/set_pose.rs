@@ -4,9 +4,11 @@ use super::take_control;
 use crate::args::LeaseArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::point::PointArgs;
 use crate::values::degrees;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::time::Instant;
 use xtb_client::client::Client;
@@ -38,7 +40,7 @@ pub struct SetPoseArgs {
 }
 
 /// What came of it, as `--json` prints it.
-#[derive(Debug, PartialEq, Serialize)]
+#[derive(Debug, PartialEq, Serialize, JsonSchema)]
 struct Report<'a> {
     robot: &'a Name,
     /// Where it believed itself to be; `None` = its state was not heard.
@@ -49,6 +51,9 @@ struct Report<'a> {
     after: Option<PoseState>,
     taken_from: Option<&'a str>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Report<'_>>];
 
 /// Sets the pose.
 ///

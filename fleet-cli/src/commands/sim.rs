@@ -4,20 +4,24 @@ pub(crate) mod embedded;
 mod fault_scenario;
 mod identities;
 mod ready;
+mod world;
+
+pub(crate) use world::read_world;
 
 use super::dashboard;
 use crate::commands::dashboard::DashboardArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::text::task as task_text;
 use crate::values::{drop_outs, fix_noise, fix_rate, part, ros_domain};
-use crate::{map_file, vehicle_file};
+use crate::vehicle_file;
 use clap::Args;
 use embedded::EmbeddedDispatcher;
 use identities::Identities;
 use ready::{Found, announce};
-use robot_agent::files;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -49,7 +53,7 @@ pub struct SimArgs {
     /// [default: those of this one and the ones before].
     #[arg(long, value_name = "N", conflicts_with = "pty")]
     pub fleet_size: Option<usize>,
-    /// World (TOML) [default: an empty room].
+    /// World (TOML), or a map of ROS (map_server YAML) [default: an empty room].
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Vehicle settings of the trucks, such as configs/vehicles/long.toml; `vehicles` in the world file take
@@ -160,7 +164,7 @@ impl FixArgs {
 const TOO_SLOW: &str = "use fewer --robots, a lower --speed, or a faster computer";
 
 /// What came of the tasks, said at the end of a simulation with a dispatcher.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ended {
     open: u64,
     tasks: u64,
@@ -170,6 +174,10 @@ struct Ended {
     #[serde(flatten)]
     usage: Usage,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] =
+    &[line_of::<ready::Ready<'_>>, line_of::<Ended>, line_of::<fault_scenario::Scenario>];
 
 /// Runs the simulator until it is interrupted.
 ///
@@ -320,7 +328,7 @@ fn plan(ctx: &Context, args: &SimArgs, listen: String, set: Option<&Identities>)
         Some(set) => Some(set.of(Role::Simulator)?),
         None => ctx.settings.identity.clone(),
     };
-    let world = args.world.as_deref().map(read_world).transpose()?;
+    let world = args.world.as_deref().map(|file| read_world(&ctx.out, file)).transpose()?;
     if args.pty.is_some()
         && (args.vehicle.is_some() || world.as_ref().is_some_and(|it| !it.vehicles().is_empty()))
     {
@@ -428,19 +436,4 @@ async fn tell(ctx: &Context, simulator: &Simulator, dispatcher: EmbeddedDispatch
         )
     })?;
     Ok(if failed || contacts > 0 { Exit::Failed } else { Exit::Done })
-}
-
-/// Reads a world.
-///
-/// # Errors
-/// The file cannot be read, or the world is impossible.
-pub fn read_world(path: &Path) -> Result<World> {
-    let text = files::text(path, files::MAX_TEXT).map_err(|error| {
-        Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display()))
-            .hint("worlds/ has examples")
-    })?;
-    let world = World::from_toml(&text).map_err(|error| {
-        Error::new(ErrorKind::Config, format!("{}: {error}", path.display())).hint("worlds/ has examples")
-    })?;
-    Ok(map_file::named_by_file(world, path))
 }

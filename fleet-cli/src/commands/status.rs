@@ -5,11 +5,12 @@ mod live;
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use clap::Args;
 use std::collections::BTreeSet;
 use xtb_client::Result;
 use xtb_client::client::Client;
-use xtb_client::fleet_view::FleetView;
+use xtb_client::fleet_view::{FleetView, RobotView};
 use xtb_protocol::Name;
 
 /// Arguments of `status`.
@@ -22,6 +23,9 @@ pub struct StatusArgs {
     #[arg(long)]
     pub watch: bool,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<FleetView>, line_of::<RobotView>];
 
 /// Prints a block for each robot, or with `--watch` keeps showing them.
 ///

@@ -4,17 +4,20 @@ use super::unknown_robots;
 use crate::args::WhoArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use xtb_client::Result;
 use xtb_client::client::Client;
+use xtb_client::fleet_view::by_number;
 use xtb_client::multi_robot::{MissingInfo, StopOutcome, StopReport};
 use xtb_protocol::Name;
 
 /// What came of it for all.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Report {
     #[serde(flatten)]
     stopped: StopReport,
@@ -34,10 +37,17 @@ impl Report {
         }
     }
 
+    /// Whether all who were asked have stopped.
+    pub(super) fn all_stopped(&self) -> bool {
+        self.stopped.all_stopped()
+    }
+
     /// A row for each robot; `stopped` is what that is called.
     fn table(&self, stopped: &str, out: &Output) -> String {
         let mut table = Table::new(&["name", "outcome"]);
-        for (robot, outcome) in &self.stopped.robots {
+        let mut robots: Vec<_> = self.stopped.robots.iter().collect();
+        robots.sort_by_key(|(robot, _)| by_number(robot));
+        for (robot, outcome) in robots {
             let outcome = match outcome {
                 StopOutcome::Stopped => Cell::new(stopped, Tone::Good),
                 StopOutcome::Refused => Cell::new("refused", Tone::Bad),
@@ -58,6 +68,9 @@ impl Report {
         table.render(out)
     }
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Report>];
 
 /// Waits for what `calling` brings, and shows it; `stopped` is what that is called.
 ///

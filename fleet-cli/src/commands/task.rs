@@ -2,6 +2,7 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use crate::text::task::{legs, robot, since, tone, what, whose};
@@ -22,6 +23,9 @@ pub struct TaskArgs {
     #[arg(value_name = "TASK")]
     pub task: TaskId,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<TaskHistory>];
 
 /// Asks once and prints it.
 ///

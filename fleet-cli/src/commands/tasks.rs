@@ -5,6 +5,7 @@ mod watch;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::or_interrupted;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use crate::text::task as task_text;
 use clap::Args;
@@ -15,8 +16,8 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskList, TaskView, Who};
 
 const TASKS_HELP: &str = "\
-Exit code 0 means that the dispatcher has answered. With --json the list is one array; with --watch each \
-change is one line, on a pipe after the list.
+Exit code 0 means that the dispatcher has answered. With --json the list is one object, its tasks in `tasks`; \
+with --watch each change is one line, on a pipe after the list.
 
 Example: fleet-cli tasks --watch";
 
@@ -38,6 +39,9 @@ pub struct TasksArgs {
 /// Tasks that have ended and are shown without `--all`.
 const ENDED_SHOWN: usize = 5;
 
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<TaskList>, line_of::<TaskView>];
+
 /// Prints them, or keeps showing them.
 ///
 /// # Errors
@@ -56,14 +60,9 @@ async fn once(ctx: &Context, args: &TasksArgs) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
     let list = DispatcherClient::of(&client).list().await;
     client.close().await;
-    let list = list?;
-    if ctx.out.json {
-        let wanted: Vec<&TaskView> =
-            list.tasks.iter().filter(|task| concerns(task, args.robot.as_ref())).collect();
-        ctx.out.line(&wanted)?;
-    } else {
-        ctx.out.text(&screen(&list, args, &ctx.out).join("\n"))?;
-    }
+    let mut list = list?;
+    list.tasks.retain(|task| concerns(task, args.robot.as_ref()));
+    ctx.out.result(&list, |list| screen(list, args, &ctx.out).join("\n"))?;
     Ok(Exit::Done)
 }
 

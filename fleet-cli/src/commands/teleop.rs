@@ -11,11 +11,13 @@ use crate::args::LeaseArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::terminal::{Input, Terminal};
 use crate::values::rpm;
 use clap::Args;
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
 use keys::{Action, Key, Keyboard, Reporting};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::pin::{Pin, pin};
@@ -46,7 +48,7 @@ pub struct TeleopArgs {
 /// The screen is painted each second time.
 const PAINT_EVERY: Duration = Duration::from_millis(100);
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Report<'a> {
     robot: &'a Name,
     setpoints: u64,
@@ -55,6 +57,9 @@ struct Report<'a> {
     /// From whom control was taken.
     taken_from: Option<&'a str>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Report<'_>>];
 
 /// Drives until the operator leaves.
 ///

@@ -7,6 +7,7 @@ use crate::commands::traffic::serve::TrafficServeArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::or_interrupted;
+use crate::json::Verbs;
 use clap::{Args, Subcommand};
 use xtb_client::Result;
 
@@ -26,6 +27,9 @@ pub enum TrafficVerb {
     /// Show which robots traffic control coordinates, and which ones it plans around.
     Status,
 }
+
+/// What its verbs print with `--json`.
+pub(super) const JSON: Verbs = &[("traffic serve", serve::JSON), ("traffic status", status::JSON)];
 
 /// Carries out one of its verbs.
 ///

@@ -5,6 +5,7 @@ mod serve;
 use crate::commands::vda5050::serve::Vda5050ServeArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::Verbs;
 use clap::{Args, Subcommand};
 use xtb_client::Result;
 
@@ -22,6 +23,9 @@ pub enum Vda5050Verb {
     /// Show the fleet's robots to a master control, and carry out its orders, until Ctrl-C.
     Serve(Vda5050ServeArgs),
 }
+
+/// What its verbs print with `--json`.
+pub(super) const JSON: Verbs = &[("vda5050 serve", serve::JSON)];
 
 /// Carries out one of its verbs.
 ///

@@ -3,8 +3,10 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::output::json_line;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::pin::pin;
 use std::sync::Arc;
@@ -32,7 +34,7 @@ pub struct WatchArgs {
 /// Messages between Zenoh and the printer; those that find no room are dropped and counted.
 const QUEUE: usize = 1024;
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Decoded<'a> {
     key: &'a str,
     #[serde(rename = "type")]
@@ -40,13 +42,16 @@ struct Decoded<'a> {
     value: &'a AnyMessage,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Undecodable<'a> {
     key: &'a str,
     encoding: &'a str,
     bytes: usize,
     error: String,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Decoded<'_>>, line_of::<Undecodable<'_>>];
 
 /// Prints messages until it is interrupted or has printed `--count`; where only answers are to be
 /// had, it ends after these.

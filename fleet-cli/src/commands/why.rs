@@ -5,6 +5,7 @@ mod chain;
 use super::once_each;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use chain::{Verdict, Why};
 use clap::Args;
@@ -12,7 +13,7 @@ use futures_util::future::join_all;
 use std::collections::BTreeSet;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::DispatcherClient;
-use xtb_client::fleet_view::{FleetView, RobotView};
+use xtb_client::fleet_view::{FleetView, RobotView, by_number};
 use xtb_client::{Error, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{RobotState, StopReason, Suspension};
@@ -27,6 +28,9 @@ pub struct WhyArgs {
 
 const LABEL_WIDTH: usize = 8;
 
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Why>];
+
 /// Asks once, and explains the answers. A robot that nobody can say anything about makes it
 /// [`Exit::Unknown`].
 ///
@@ -34,7 +38,8 @@ const LABEL_WIDTH: usize = 8;
 /// No router.
 pub async fn run(ctx: &Context, args: &WhyArgs) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
-    let robots = once_each(&args.robots);
+    let mut robots = once_each(&args.robots);
+    robots.sort_by_cached_key(by_number);
     let (asked, fleet) = (&client, &ctx.settings.fleet);
     let views = join_all(robots.iter().map(|robot| async move {
         let (wanted, keys) = (BTreeSet::from([robot.clone()]), asked.keys().robot(robot));
@@ -86,8 +91,8 @@ fn text(why: &Why, out: &Output) -> String {
     for reason in &why.reasons {
         let label = out.paint(Tone::Dim, &format!("{:LABEL_WIDTH$}", reason.kind.label()));
         lines.push(format!("  {label} {}", out.paint(reason.tone(), &reason.text)));
-        if let Some(todo) = &reason.todo {
-            lines.push(format!("  {:LABEL_WIDTH$} {}", "", out.paint(Tone::Dim, &format!("→ {todo}"))));
+        if let Some(hint) = &reason.hint {
+            lines.push(format!("  {:LABEL_WIDTH$} {}", "", out.paint(Tone::Dim, &format!("→ {hint}"))));
         }
     }
     lines.join("\n")

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use xtb_client::scene::Scene;
 use xtb_client::scene::live::Shared;
 use xtb_client::{Error, ErrorKind, Result};
+use xtb_dashboard::{Playback, PlaybackPosition};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_recording::Error as RecordingError;
@@ -144,6 +145,21 @@ impl PlaybackWorker {
     fn wish(&self, change: impl FnOnce(&mut Control)) {
         change(&mut self.desk.lock());
         self.desk.wish.notify_one();
+    }
+}
+
+impl Playback for PlaybackWorker {
+    fn position(&self) -> PlaybackPosition {
+        let PlayStatus { began_ms, position_ms, duration_ms, speed, paused, ended, .. } = self.status();
+        PlaybackPosition { began_ms, position_ms, duration_ms, speed, paused, ended }
+    }
+
+    fn seek(&self, position_ms: u64) {
+        self.seek(position_ms);
+    }
+
+    fn pause(&self, paused: bool) {
+        self.pause(paused);
     }
 }
 

@@ -15,6 +15,7 @@ mod events;
 mod floor;
 mod frame;
 mod keys;
+mod labels;
 mod layout;
 mod map;
 mod overlay;

@@ -3,12 +3,19 @@
 use super::{Failure, columns, print, print_json};
 use crate::cli::PortsArgs;
 use robot_agent::hardware::ports;
+use serde::Serialize;
 use std::process::ExitCode;
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Listed<'a> {
+    ports: &'a [ports::PortEntry],
+}
 
 pub(crate) fn run(args: &PortsArgs) -> Result<ExitCode, Failure> {
     let found = ports::list();
     if args.json {
-        print_json(&found)?;
+        print_json(&Listed { ports: &found })?;
     } else {
         print(&table(&found))?;
     }

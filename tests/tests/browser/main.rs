@@ -9,6 +9,7 @@ mod driver;
 mod driving;
 mod foreign;
 mod hand;
+mod playing;
 mod signing_in;
 mod tasks;
 

@@ -50,7 +50,7 @@ impl Secured {
             proxies: Vec::new(),
             hz: 20.0,
         };
-        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some(client.clone()) };
+        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some(client.clone()), playback: None };
         let dashboard = Running::start(settings, shown).await.unwrap();
         Self { fleet, identities, dashboard, client, _live: live }
     }

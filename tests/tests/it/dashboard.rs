@@ -57,7 +57,7 @@ impl Rig {
             hz: 20.0,
         };
         change(&mut settings);
-        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some(client.clone()) };
+        let shown = Shown { scene: Arc::clone(&live.scene), commands: Some(client.clone()), playback: None };
         let dashboard = Running::start(settings, shown).await.unwrap();
         Self { fleet, dashboard, client, _live: live }
     }

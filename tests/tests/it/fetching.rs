@@ -39,7 +39,8 @@ fn a_recording_is_fetched_whole_and_goes_on_where_it_was_interrupted() {
     fs::write(theirs.path().join("xtb-9-20041201T120000Z.mcap"), b"another robot's").unwrap();
     let sim = sim(&["--robots", "1", "--record", theirs.path().to_str().unwrap()]);
     let (code, list, output) = sim.run(&["fetch-log", "xtb-1", "--list"]);
-    let names: Vec<&str> = list.as_array().unwrap().iter().map(|f| f["file"].as_str().unwrap()).collect();
+    let names: Vec<&str> =
+        list["files"].as_array().unwrap().iter().map(|f| f["file"].as_str().unwrap()).collect();
     assert_eq!((code, names.len()), (0, 2), "{output:?}");
     assert!(names.contains(&OLD) && names.iter().all(|name| name.starts_with("xtb-1-")), "{names:?}");
 

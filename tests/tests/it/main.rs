@@ -34,6 +34,7 @@ mod python;
 mod realtime;
 mod recording;
 mod ros2;
+mod schemas;
 mod shared_world;
 mod simulator;
 mod slow_links;

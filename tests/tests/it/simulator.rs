@@ -64,7 +64,7 @@ fn an_overloaded_simulator_says_so_to_whoever_runs_it_and_to_whoever_looks() {
     let findings = report["findings"].as_array().unwrap_or_else(|| panic!("{output:?}"));
     let of = |topic: &'static str| findings.iter().filter(move |finding| finding["topic"] == topic);
     let simulator = of("simulator").next().unwrap();
-    assert!(simulator["level"] == "warning" && simulator["todo"].as_str().unwrap().contains("--speed"));
+    assert!(simulator["level"] == "warning" && simulator["hint"].as_str().unwrap().contains("--speed"));
     for finding in ["clocks", "loops", "versions"].into_iter().flat_map(of) {
         assert_ne!(finding["level"], "problem", "{finding}");
     }
@@ -144,4 +144,27 @@ fn a_name_that_the_roster_lacks_is_pointed_out_at_once_and_told_to_stop_all_the_
         let robots = &report["robots"];
         assert_eq!((&robots["xtb-2"], &robots["xtb-11"]), (&"stopped".into(), &"unknown".into()));
     }
+}
+
+#[test]
+fn a_map_of_ros_is_simulated_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |file: &str| folder.path().join(file).display().to_string();
+    // A wall with a door of 1.5 m between the robots and the goal.
+    let world = "name = 'hall'\n[room]\nwidth_m = 8.0\ndepth_m = 8.0\n[[walls]]\npoints = [[-4.0, 2.0], [0.5, 2.0]]\n\
+                 [[walls]]\npoints = [[2.0, 2.0], [4.0, 2.0]]\n";
+    std::fs::write(at("hall.toml"), world).unwrap();
+    let cli = |arguments: &[&str]| {
+        let output = fleet_cli(arguments).output().unwrap();
+        serde_json::from_slice::<Value>(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"))
+    };
+    let (yaml, toml) = (at("hall.yaml"), at("hall.toml"));
+    let file = cli(&["map", "import", &toml, "--out", &yaml]);
+    let sim = sim(&["--robots", "2", "--speed", "8", "--world", &yaml]);
+    let (_, live, output) = sim.run(&["map", "show", "--live"]);
+    assert_eq!((&live["hash"], &live["name"]), (&file["hash"], &"hall".into()), "{output:?}");
+    let (code, reached, output) = sim.run(&["goto", "xtb-1", "-2", "3.2", "--wait"]);
+    assert_eq!((code, &reached["status"]), (0, &"reached".into()), "{output:?}");
+    let (_, refused, output) = sim.run(&["goto", "xtb-2", "-2", "2"]);
+    assert_eq!(refused["error"]["code"], "goal_blocked", "it stands in the wall: {output:?}");
 }

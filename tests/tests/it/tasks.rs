@@ -119,8 +119,8 @@ impl Lab {
 
     fn tasks(&self) -> Vec<Value> {
         let lines = self.run("tasks").ok();
-        assert_eq!(lines.len(), 1, "the list is one array");
-        lines[0].as_array().unwrap().clone()
+        assert_eq!(lines.len(), 1, "the list is one object");
+        lines[0]["tasks"].as_array().unwrap().clone()
     }
 
     /// A task as the list has it, once it is in this state.

@@ -92,3 +92,15 @@ fn a_gap_is_a_way_for_the_car_that_fits_through_it() {
     assert_eq!(travel_cost.is_reachable(&small, &from, &beyond), Some(true));
     assert!(travel_cost.admits(&small, &in_gap).is_ok() && travel_cost.admits(&truck(), &in_gap).is_err());
 }
+
+#[test]
+fn a_point_nearer_to_a_wall_than_traffic_control_plans_has_no_room_though_a_robot_could_stand_there() {
+    let (travel_cost, car) = (walled(10.0, false), truck());
+    // The wall begins at 4 m, and half a truck is 0.2 m wide.
+    let (near, far) = (to(5.0, 3.795), to(5.0, 3.78));
+    assert!(travel_cost.admits(&car, &near).is_ok() && travel_cost.admits(&car, &far).is_ok());
+    assert!(!travel_cost.has_room(&car, &near) && travel_cost.has_room(&car, &far));
+    let across = Waypoint { yaw_rad: Some(std::f64::consts::FRAC_PI_2), ..far };
+    assert!(!travel_cost.has_room(&car, &across), "it is longer than wide");
+    assert!(OpenTravelCost.has_room(&car, &near), "nobody knows of a wall");
+}

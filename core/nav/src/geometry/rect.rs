@@ -4,6 +4,7 @@
 //! [`Car::overlaps`] finds that out by other means: schedules are judged by it.
 
 use super::car::Car;
+use super::grid::Grid;
 use crate::MapPose;
 
 /// What is this near to the bumper stops a truck, in m: the infrared rule's 25 cm (`obstacle.threshold_cm`,
@@ -107,6 +108,22 @@ impl Rect {
         let (ahead, left) = self.inside(x_m, y_m);
         let spread = half_m * (self.sin.abs() + self.cos.abs()) + margin_m;
         ahead.abs() < self.half_length_m + spread && left.abs() < self.half_width_m + spread
+    }
+
+    /// Whether no blocked cell of a grid reaches into it when it is grown by a margin; at its corners a little too
+    /// careful.
+    #[must_use]
+    pub fn is_free_on(&self, grid: &Grid, margin_m: f64, is_blocked: impl Fn(i64, i64) -> bool) -> bool {
+        let reach = self.reach_m + 1.5 * margin_m;
+        let (left, low) = grid.place(self.x_m - reach, self.y_m - reach);
+        let (right, high) = grid.place(self.x_m + reach, self.y_m + reach);
+        let half = grid.resolution_m() / 2.0;
+        !(low..=high).any(|row| {
+            (left..=right).any(|column| {
+                let [x, y] = grid.centre_m(column, row);
+                is_blocked(column, row) && self.meets_square(x, y, half, margin_m)
+            })
+        })
     }
 
     /// How far apart the two are along the axis that separates them best, in m: never more than their

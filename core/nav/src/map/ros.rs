@@ -176,6 +176,24 @@ impl Description {
         &self.image
     }
 
+    /// How many cells map_saver has written as unknown that this YAML's `free_thresh` makes free: above 0.196 it does,
+    /// as nav2's own default of 0.25.
+    ///
+    /// # Errors
+    /// [`RosError::Image`].
+    pub fn unknown_as_free(&self, image: &[u8]) -> Result<usize, RosError> {
+        match self.thresholds.cell(f64::from(UNKNOWN) / 255.0) {
+            Cell::Free => image::count(image, UNKNOWN),
+            Cell::Occupied | Cell::Unknown => Ok(0),
+        }
+    }
+
+    /// `free_thresh`.
+    #[must_use]
+    pub fn free_thresh(&self) -> f64 {
+        self.thresholds.free
+    }
+
     /// The map, from the bytes of the image: PNG, or PGM and its relatives. `name` is for a YAML that
     /// has none, such as every one that ROS wrote.
     ///

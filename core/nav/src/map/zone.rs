@@ -71,6 +71,7 @@ pub enum ZoneError {
 
 /// A simple polygon on the floor, and its rule.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(try_from = "Layout", into = "Layout")]
 pub struct Zone {
     name: String,
@@ -80,6 +81,7 @@ pub struct Zone {
 
 /// A zone as world files and map files have it.
 #[derive(Debug, Clone, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Layout {
     name: String,
@@ -90,6 +92,7 @@ struct Layout {
 }
 
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 enum KindName {
     KeepOut,

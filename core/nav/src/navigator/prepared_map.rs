@@ -1,5 +1,6 @@
 //! A map made ready for driving on it: measured once, where there is time, and shared from then on.
 
+use super::traffic_guidance::BODY_MARGINS_M;
 use super::turn::TargetPose;
 use crate::MapPose;
 use crate::geometry::{Car, Cell, Clearance};
@@ -49,6 +50,18 @@ impl PreparedMap {
             Some(yaw_rad) => self.keep_out_under(car, &MapPose { x_m, y_m, yaw_rad }),
             None => self.map.keep_outs().find(|zone| zone.holds(x_m, y_m)).map(Zone::name),
         }
+    }
+
+    /// The margin, in m, that traffic control would keep for a robot that stands at `from`, if with it there is no room
+    /// at a goal: then the goal would never be reached under its guidance.
+    #[must_use]
+    pub fn too_near_for_traffic(&self, car: &Car, from: &MapPose, target: &TargetPose) -> Option<f64> {
+        let has_room = |pose: &MapPose, margin_m: f64| {
+            self.map.has_room(car, [pose.x_m, pose.y_m], Some(pose.yaw_rad), margin_m)
+        };
+        let margin_m = BODY_MARGINS_M.into_iter().find(|margin_m| has_room(from, *margin_m))?;
+        let TargetPose { x_m, y_m, yaw_rad } = *target;
+        (!self.map.has_room(car, [x_m, y_m], yaw_rad, margin_m)).then_some(margin_m)
     }
 
     /// What keeps a car from standing at a goal, whatever its yaw.

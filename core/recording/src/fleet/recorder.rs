@@ -8,6 +8,7 @@ use super::drawing::{self, Painter};
 use super::schemas::{self, Presence};
 use super::{LOG_TOPIC, SCENE_TOPIC};
 use crate::schema::Schema;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use xtb_client::messages::AnyMessage;
@@ -43,7 +44,7 @@ pub enum Record {
 }
 
 /// What was and was not kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
 pub struct Counts {
     /// Messages and changes of presence.
     pub messages: u64,

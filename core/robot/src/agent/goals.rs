@@ -33,7 +33,7 @@ impl Agent {
         let via = via.unwrap_or_else(|| self.usual_way());
         let command = match via {
             Via::Direct => self.direct(&aim)?,
-            Via::Planned => self.planned_goal(&aim)?,
+            Via::Planned => self.planned_goal(now, &aim)?,
         };
         let target = Target::Point { x_m: aim.x_m, y_m: aim.y_m, yaw_rad: aim.yaw_rad, via };
         let mut goal = Goal::accepted(now, client.clone(), id, target, on_link_loss);

@@ -181,8 +181,8 @@ impl Agent {
         }
     }
 
-    /// Whether a path to there could be looked for at all.
-    pub(super) fn planned_goal(&self, aim: &TargetPose) -> Result<Command, Refusal> {
+    /// Whether a path to there could be looked for at all, by whoever does it now.
+    pub(super) fn planned_goal(&self, now: Stamp, aim: &TargetPose) -> Result<Command, Refusal> {
         if !self.nav.car().gears.is_any() {
             return self.sees_both_ways("a goal", BY_HAND).map(|()| STAND);
         }
@@ -212,6 +212,22 @@ impl Agent {
                 message,
                 "`fleet-cli map show --live` shows the free \
                 space",
+            ));
+        }
+        let here = self.filter.estimate(now).pose;
+        let led = self.nav.is_guided(now);
+        if let Some(margin_m) = led.then(|| floor.too_near_for_traffic(self.nav.car(), &here, aim)).flatten()
+        {
+            let message = format!(
+                "({:.2}, {:.2}) is too near to what is on the map for traffic control, which keeps {:.0} cm",
+                aim.x_m,
+                aim.y_m,
+                100.0 * margin_m
+            );
+            return Err((
+                RejectCode::GoalBlocked,
+                message,
+                "choose a goal farther from walls, another yaw, or `--via direct`",
             ));
         }
         Ok(STAND)

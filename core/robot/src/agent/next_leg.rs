@@ -49,7 +49,7 @@ impl Agent {
         (on_link_loss, finish_s): (LinkLoss, f64),
         view: View<'_>,
     ) -> Outcome {
-        self.planned_goal(&aim)?;
+        self.planned_goal(now, &aim)?;
         self.check_ready(view)?;
         self.check_overtaken(arrival)?;
         let target = Target::Point { x_m: aim.x_m, y_m: aim.y_m, yaw_rad: aim.yaw_rad, via: Via::Planned };

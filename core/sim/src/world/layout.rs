@@ -3,7 +3,7 @@
 use crate::geometry::OrientedBox;
 use serde::Deserialize;
 use xtb_control::frames::MapPose;
-use xtb_nav::Zone;
+use xtb_nav::{Map, Zone};
 use xtb_protocol::messages::MapPlace;
 
 /// A rectangle with walls around it.
@@ -77,6 +77,10 @@ impl NamedBox {
         Self { name: Some(name.to_owned()), x_m, y_m, width_m, depth_m, yaw_rad }
     }
 
+    pub(super) fn nameless(spec: BoxSpec) -> Self {
+        Self { name: None, ..Self::new("", spec) }
+    }
+
     pub(super) fn spec(&self) -> BoxSpec {
         let &Self { x_m, y_m, width_m, depth_m, yaw_rad, .. } = self;
         BoxSpec { x_m, y_m, width_m, depth_m, yaw_rad }
@@ -114,4 +118,7 @@ pub(super) struct Contents {
     pub(super) zones: Vec<Zone>,
     pub(super) places: Vec<MapPlace>,
     pub(super) vehicles: Vec<String>,
+    /// What it is made of, if no file of a world says it.
+    #[serde(skip)]
+    pub(super) map: Option<Map>,
 }

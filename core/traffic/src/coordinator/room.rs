@@ -52,7 +52,6 @@ impl GridRoom {
 
 impl Room for GridRoom {
     fn is_free(&self, rect: &Rect, margin_m: f64) -> bool {
-        let resolution = self.grid.resolution_m();
         let reach = rect.reach_m() + 1.5 * margin_m;
         if self.clearance.at_least_m(rect.x_m, rect.y_m) > reach {
             return true;
@@ -60,15 +59,7 @@ impl Room for GridRoom {
         if self.clearance.at_most_m(rect.x_m, rect.y_m) < rect.core_m() {
             return false;
         }
-        let (left, low) = self.grid.place(rect.x_m - reach, rect.y_m - reach);
-        let (right, high) = self.grid.place(rect.x_m + reach, rect.y_m + reach);
-        let half = resolution / 2.0;
-        !(low..=high).any(|row| {
-            (left..=right).any(|column| {
-                let [x, y] = self.grid.centre_m(column, row);
-                self.grid.cell(column, row) != Cell::Free && rect.meets_square(x, y, half, margin_m)
-            })
-        })
+        rect.is_free_on(&self.grid, margin_m, |column, row| self.grid.cell(column, row) != Cell::Free)
     }
 
     fn clearance_m(&self, x_m: f64, y_m: f64) -> f64 {

@@ -16,7 +16,8 @@ use std::f64::consts::TAU;
 use xtb_nav::geometry::path::wrap_rad;
 use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::geometry::reeds_shepp;
-use xtb_nav::navigator::{GRAZE_M, RADIUS_FACTOR};
+use xtb_nav::map::GOAL_YAWS;
+use xtb_nav::navigator::{BODY_MARGINS_M, GRAZE_M, RADIUS_FACTOR};
 use xtb_nav::{MapPose, Path, Piece};
 
 /// How closely is looked.
@@ -53,9 +54,6 @@ const LANE_TICKS: u32 = 4;
 const MOST_WAIT: u32 = 400;
 /// Margin of the look-out to fixed things, in m, less than the body's; chosen, not measured.
 const LOOK_MARGIN_M: f64 = 0.02;
-/// Margins of the body to fixed things, in m: the largest with which it is free where it stands. With the
-/// last ones a truck gets away that stands a little in a wall. Chosen, not measured.
-const BODY_MARGINS_M: [f64; 5] = [0.05, 0.03, 0.01, -0.02, -0.05];
 // A robot takes a path that grazes something on its own map as little as this.
 const _: () = assert!(-BODY_MARGINS_M[4] < GRAZE_M);
 
@@ -119,7 +117,7 @@ impl<'a> Search<'a> {
         if let Some(target) = &task.target {
             let yaws: Vec<f64> = match target.yaw_rad {
                 Some(yaw_rad) => vec![yaw_rad],
-                None => (0..16).map(|step| wrap_rad(f64::from(step) * TAU / 16.0)).collect(),
+                None => (0..GOAL_YAWS).map(|n| wrap_rad(f64::from(n) * TAU / f64::from(GOAL_YAWS))).collect(),
             };
             let poses = yaws.into_iter().map(|yaw_rad| MapPose { x_m: target.x_m, y_m: target.y_m, yaw_rad });
             search.goals = poses.filter(|pose| search.may_stay(pose)).collect();
@@ -403,6 +401,34 @@ mod tests {
                 assert!(legs.iter().all(|leg| gears.allow(leg.piece.length_m)), "{legs:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_robot_refuses_at_once_the_goals_that_are_not_free_here() {
+        let room = rooms();
+        let map = xtb_nav::Map::new("rooms", room.grid().clone(), Vec::new()).unwrap();
+        let floor = xtb_nav::navigator::PreparedMap::of(map);
+        let car = Car::of(&VehicleConfig::default());
+        let (mut refused, mut served) = (0, 0);
+        for start in [pose(1.2, 1.0, 0.0), pose(4.66, 1.0, std::f64::consts::FRAC_PI_2)] {
+            for n in 0..60_u32 {
+                let goal = pose(4.0 + f64::from(n) * 0.015, 1.2, f64::from(n % 7));
+                let target = xtb_nav::navigator::TargetPose {
+                    x_m: goal.x_m,
+                    y_m: goal.y_m,
+                    yaw_rad: Some(goal.yaw_rad),
+                };
+                let robot = floor.too_near_for_traffic(&car, &start, &target);
+                let (here, _) = find(&room, start, goal, &[]);
+                assert_eq!(
+                    robot.is_some(),
+                    here == Err(Stuck::Goal),
+                    "{start:?} → {goal:?}: {robot:?}, {here:?}"
+                );
+                *(if robot.is_some() { &mut refused } else { &mut served }) += 1;
+            }
+        }
+        assert!(refused > 20 && served > 20, "{refused} refused, {served} served");
     }
 
     #[test]

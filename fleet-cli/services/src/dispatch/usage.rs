@@ -1,5 +1,6 @@
 //! What each robot did while the dispatcher ran: tasks, metres, and how its time was spent.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use xtb_protocol::Name;
@@ -13,7 +14,7 @@ const STANDS_MPS: f64 = 0.02;
 const LONGEST_LOOK_MS: u64 = 2_000;
 
 /// How a robot spent its time, in s, and what came of it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Spent {
     /// Tasks that it brought to their end.
     pub done: u64,
@@ -30,7 +31,7 @@ pub struct Spent {
 }
 
 /// All robots, by name.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Usage {
     /// What each did.
     pub robots: BTreeMap<Name, Spent>,

@@ -6,6 +6,7 @@
 //! [`Writer::resume`] fails too, and the owner decides what to submit again.
 
 use super::{Body, Fault, Ledger, LedgerError};
+use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -65,7 +66,7 @@ pub enum Refused {
 }
 
 /// What a writer has done, for everybody to see.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Counters {
     /// Records on the disk.
     pub records: u64,

@@ -1,11 +1,12 @@
 //! One command, as it is told.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use xtb_protocol::Name;
 
 /// Who commanded what and when.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub(super) struct Command {
     /// In ms since 1970, by the clock of whoever wrote it down.
     pub(super) at_ms: u64,

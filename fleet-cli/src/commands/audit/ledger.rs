@@ -16,7 +16,8 @@ const ASKED: [&str; 4] = ["cancelled by ", "paused by ", "resumed by ", "retried
 /// All that it holds; what was replaced by a snapshot is not there any more, and `note` hears so.
 pub(super) fn commands(path: &Path, note: impl Fn(String)) -> Result<Vec<Command>> {
     if !path.exists() {
-        return Err(Error::new(ErrorKind::Config, format!("no ledger at {}", path.display())));
+        return Err(Error::new(ErrorKind::Config, format!("no ledger at {}", path.display()))
+            .hint("name a recording, or the ledger with --ledger"));
     }
     let reading = ledger::read(path)?;
     for damage in &reading.damage {

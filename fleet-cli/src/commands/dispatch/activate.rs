@@ -4,14 +4,16 @@ use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::or_interrupted;
+use crate::json::{LineKind, line_of};
 use crate::text::task as task_text;
+use schemars::JsonSchema;
 use serde::Serialize;
 use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_protocol::messages::Suspension;
 
 /// What it came to.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Activated {
     active: bool,
     /// What this has ended.
@@ -19,6 +21,9 @@ struct Activated {
     /// What is suspended all the same.
     suspended: Vec<Suspension>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Activated>];
 
 /// Activates it, and says what that has ended.
 ///

@@ -4,11 +4,16 @@ use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::or_interrupted;
+use crate::json::{LineKind, line_of};
 use xtb_client::client::Client;
 use xtb_client::{Error, ErrorKind, Result};
+use xtb_protocol::messages::Adopted;
 
 /// Tasks that are named one by one.
 const NAMED: usize = 10;
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Adopted>];
 
 /// Takes them over, and says which.
 ///

@@ -3,7 +3,9 @@
 use crate::commands::dispatch::LedgerArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::{Entry, Record, TaskStore};
@@ -18,13 +20,16 @@ pub struct DispatchCompactArgs {
 }
 
 /// What it came to.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Compacted {
     ledger: String,
     records: usize,
     tasks: usize,
     open: usize,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Compacted>];
 
 /// Compacts it.
 ///

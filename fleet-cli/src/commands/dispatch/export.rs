@@ -3,7 +3,9 @@
 use crate::commands::dispatch::LedgerArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 use xtb_client::{Error, ErrorKind, Result};
@@ -24,7 +26,7 @@ pub struct DispatchExportArgs {
 }
 
 /// One record.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Line {
     seq: u64,
     at_ms: i64,
@@ -33,6 +35,9 @@ struct Line {
     /// As it was written; a text where it is no JSON any more.
     record: Value,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Line>];
 
 /// Prints what can be read, and says what cannot.
 ///

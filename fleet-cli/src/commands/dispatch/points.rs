@@ -55,7 +55,8 @@ fn from_file(path: &Path) -> Result<Vec<Written>> {
         .map(|(i, line)| Written { text: line.to_owned(), at: Some((path.display().to_string(), i + 1)) })
         .collect();
     match written.len() {
-        0 => Err(Error::new(ErrorKind::Config, format!("{}: no points", path.display()))),
+        0 => Err(Error::new(ErrorKind::Config, format!("{}: no points", path.display()))
+            .hint("a line is X,Y or X,Y,YAW, in m and degrees")),
         _ => Ok(written),
     }
 }

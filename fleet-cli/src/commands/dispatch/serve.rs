@@ -6,9 +6,11 @@ use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::map_file;
 use crate::text::task as task_text;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
@@ -53,7 +55,7 @@ pub struct DispatchServeArgs {
 }
 
 /// The one line that says it is ready.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ready<'a> {
     ready: bool,
     fleet: &'a Name,
@@ -70,7 +72,7 @@ struct Ready<'a> {
 }
 
 /// The line before that of a stand-by.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct StandingBy<'a> {
     ready: bool,
     standby: bool,
@@ -79,18 +81,22 @@ struct StandingBy<'a> {
 }
 
 /// What has changed for a stand-by.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct StandbyNews {
     standby: &'static str,
     text: String,
 }
 
 /// What it did, said at the end.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ended {
     open: u64,
     counters: Counters,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] =
+    &[line_of::<Ready<'_>>, line_of::<StandingBy<'_>>, line_of::<StandbyNews>, line_of::<Ended>];
 
 /// Serves until it is interrupted.
 ///
@@ -99,7 +105,8 @@ struct Ended {
 /// with, or a stand-by that has taken over.
 pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
-    let own = args.map.as_deref().map(|file| map_file::read(file, args.fine.resolution_m)).transpose()?;
+    let load = |file| map_file::load(&ctx.out, file, args.fine.resolution_m);
+    let own = args.map.as_deref().map(load).transpose()?;
     // Before anybody can ask: what is acknowledged has to go there.
     let store = match args.fresh {
         true => Store::fresh(&path, &ctx.settings.fleet)?,

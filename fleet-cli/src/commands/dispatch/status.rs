@@ -3,8 +3,10 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::or_interrupted;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use crate::text::task as task_text;
+use schemars::JsonSchema;
 use serde::Serialize;
 use xtb_client::Result;
 use xtb_client::client::Client;
@@ -14,7 +16,7 @@ use xtb_protocol::messages::{StandbyReply, StandbyView};
 use xtb_services::dispatch::store::wall_ms;
 
 /// How it stands, and how with its stand-by.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Shown {
     #[serde(flatten)]
     status: Status,
@@ -24,7 +26,7 @@ struct Shown {
 }
 
 /// Its stand-by.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Standby {
     #[serde(flatten)]
     view: StandbyView,
@@ -42,6 +44,9 @@ impl Shown {
         Self { status, term, standby }
     }
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Shown>];
 
 /// Asks once and prints it.
 ///

@@ -6,10 +6,12 @@ use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::point::PointArgs;
 use crate::text::task as task_text;
 use crate::values::{degrees, part_of_a_day, seconds};
 use clap::{Args, ValueEnum};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
@@ -19,7 +21,7 @@ use xtb_client::dispatcher_client::Taken;
 use xtb_client::dispatcher_client::fleet_stop;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{MAX_PRIORITY, OnTakeover, TaskId, TaskKind, TaskSpec, Waypoint, Who};
+use xtb_protocol::messages::{MAX_PRIORITY, OnTakeover, TaskId, TaskKind, TaskSpec, TaskView, Waypoint, Who};
 
 const GOTO_EXAMPLE: &str = "\
 Examples:
@@ -223,11 +225,14 @@ pub struct StayArgs {
 }
 
 /// What `--json` prints for a task that was taken.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Submitted<'a> {
     id: TaskId,
     spec: &'a TaskSpec,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Submitted<'_>>, line_of::<TaskView>];
 
 /// One drive to a point.
 pub(super) async fn goto(ctx: &Context, args: &TaskGotoArgs) -> Result<Exit> {

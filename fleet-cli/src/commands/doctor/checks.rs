@@ -116,28 +116,28 @@ fn roster(facts: &Facts) -> Vec<Finding> {
     let Some(roster) = &facts.roster else {
         if facts.alive.is_empty() {
             let text = format!("no robot of fleet {} at {}", facts.fleet, facts.connected);
-            let todo = "start `robot-agent` on a robot, or `fleet-cli sim`; check --fleet";
-            return vec![Finding::problem("roster", text, todo)];
+            let hint = "start `robot-agent` on a robot, or `fleet-cli sim`; check --fleet";
+            return vec![Finding::problem("roster", text, hint)];
         }
         let entries: Vec<_> = facts.alive.iter().map(|name| format!("{{ name = \"{name}\" }}")).collect();
-        let todo = format!(
+        let hint = format!(
             "add `robots = [{}]` to ~/.config/xtb/fleet.toml or the file given with --config",
             entries.join(", ")
         );
-        return vec![Finding::warning("roster", format!("no roster configured; present: {there}"), todo)];
+        return vec![Finding::warning("roster", format!("no roster configured; present: {there}"), hint)];
     };
     let mut findings = Vec::new();
     for entry in roster.iter().filter(|entry| !facts.alive.contains(&entry.name)) {
-        let todo = format!(
+        let hint = format!(
             "check its power and network, and that `robot-agent --fleet {} --name {}` is running",
             facts.fleet, entry.name
         );
-        let todo = simulator::or_overloaded(facts, &entry.name, &todo);
-        findings.push(Finding::problem("roster", "missing", todo).of(&entry.name));
+        let hint = simulator::or_overloaded(facts, &entry.name, &hint);
+        findings.push(Finding::problem("roster", "missing", hint).of(&entry.name));
     }
     for name in facts.alive.iter().filter(|name| !roster.iter().any(|entry| entry.name == **name)) {
-        let todo = "add it to [[robots]], or find out who runs it: `stop --all` also stops it";
-        findings.push(Finding::warning("roster", "present, but not in the roster", todo).of(name));
+        let hint = "add it to [[robots]], or find out who runs it: `stop --all` also stops it";
+        findings.push(Finding::warning("roster", "present, but not in the roster", hint).of(name));
     }
     if findings.is_empty() {
         findings.push(Finding::ok("roster", format!("all present: {there}")));
@@ -176,8 +176,8 @@ fn versions(facts: &Facts) -> Vec<Finding> {
             version(about)
         } else {
             let text = "does not answer with its factsheet";
-            let todo = "its agent hangs, or a router blocks the query: check the agent's log";
-            simulator::late(facts, name, Finding::problem("versions", text, todo))
+            let hint = "its agent hangs, or a router blocks the query: check the agent's log";
+            simulator::late(facts, name, Finding::problem("versions", text, hint))
         };
         finding.of(name)
     };
@@ -223,8 +223,8 @@ fn starts(facts: &Facts) -> Vec<Finding> {
         }
         let (ours, theirs) = (describe::map_pose(&ours), describe::map_pose(&about.start_pose));
         let text = format!("start pose {ours} in the roster, but the agent started at {theirs}");
-        let todo = "the agent's --start-pose is used: make both the same";
-        findings.push(Finding::warning("starts", text, todo).of(&entry.name));
+        let hint = "the agent's --start-pose is used: make both the same";
+        findings.push(Finding::warning("starts", text, hint).of(&entry.name));
     }
     let tags = if tags.is_empty() { "no tags".to_owned() } else { format!("tags: {}", tags.join(", ")) };
     if !facts.alive.is_empty() {
@@ -256,9 +256,9 @@ fn clocks(facts: &Facts) -> Vec<Finding> {
         let finding = match rate {
             None if facts.epochs.get(name).is_some_and(|epochs| epochs.len() > 1) => continue,
             None => {
-                let todo = "it restarts, or its state does not arrive: check its log and its network";
+                let hint = "it restarts, or its state does not arrive: check its log and its network";
                 let text = "fewer than two states received since its start";
-                simulator::late(facts, name, Finding::problem("clocks", text, todo))
+                simulator::late(facts, name, Finding::problem("clocks", text, hint))
             }
             Some(rate) if keeps_step(*rate) => {
                 good += 1;
@@ -280,8 +280,8 @@ fn clocks(facts: &Facts) -> Vec<Finding> {
             ),
             Some(rate) => {
                 let text = format!("clock runs at {rate:.2} × this computer's");
-                let todo = "its computer is suspended, throttled or overloaded: check its load";
-                Finding::problem("clocks", text, todo)
+                let hint = "its computer is suspended, throttled or overloaded: check its load";
+                Finding::problem("clocks", text, hint)
             }
         };
         findings.push(finding.of(name));
@@ -349,8 +349,8 @@ fn latches(facts: &Facts) -> Vec<Finding> {
     let set =
         facts.states.values().flat_map(|state| state.latches.iter().map(move |set| (&state.robot, set)));
     let finding = |(robot, set)| {
-        let todo = format!("`fleet-cli why {robot}`, then `fleet-cli reset {robot}`");
-        Finding::problem("latches", describe::latch(set), todo).of(robot)
+        let hint = format!("`fleet-cli why {robot}`, then `fleet-cli reset {robot}`");
+        Finding::problem("latches", describe::latch(set), hint).of(robot)
     };
     set.map(finding).collect()
 }
@@ -380,7 +380,7 @@ fn faults(facts: &Facts) -> Vec<Finding> {
             }
             _ => None,
         };
-        findings.extend(battery.map(|(text, todo)| Finding::warning("faults", text, todo).of(name)));
+        findings.extend(battery.map(|(text, hint)| Finding::warning("faults", text, hint).of(name)));
     }
     findings
 }

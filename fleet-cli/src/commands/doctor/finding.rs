@@ -1,10 +1,11 @@
 //! What the doctor has found, and how bad it is.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use xtb_protocol::Name;
 
 /// How bad it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Level {
     /// As it should be.
@@ -16,7 +17,7 @@ pub(super) enum Level {
 }
 
 /// One thing that was looked at.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Finding {
     /// How bad it is.
     pub(super) level: Level,
@@ -27,26 +28,20 @@ pub(super) struct Finding {
     /// In words.
     pub(super) text: String,
     /// What to do about it.
-    pub(super) todo: Option<String>,
+    pub(super) hint: Option<String>,
 }
 
 impl Finding {
     pub(super) fn ok(topic: &'static str, text: impl Into<String>) -> Self {
-        Self { level: Level::Ok, topic, robot: None, text: text.into(), todo: None }
+        Self { level: Level::Ok, topic, robot: None, text: text.into(), hint: None }
     }
 
-    pub(super) fn warning(topic: &'static str, text: impl Into<String>, todo: impl Into<String>) -> Self {
-        Self { level: Level::Warning, topic, robot: None, text: text.into(), todo: Some(todo.into()) }
+    pub(super) fn warning(topic: &'static str, text: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self { level: Level::Warning, topic, robot: None, text: text.into(), hint: Some(hint.into()) }
     }
 
-    pub(super) fn problem(topic: &'static str, text: impl Into<String>, todo: impl Into<String>) -> Self {
-        Self { level: Level::Problem, ..Self::warning(topic, text, todo) }
-    }
-
-    /// Whether it is the same of another robot.
-    pub(super) fn is_also(&self, other: &Self) -> bool {
-        (self.level, self.topic, &self.text, &self.todo)
-            == (other.level, other.topic, &other.text, &other.todo)
+    pub(super) fn problem(topic: &'static str, text: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self { level: Level::Problem, ..Self::warning(topic, text, hint) }
     }
 
     pub(super) fn of(self, robot: &Name) -> Self {

@@ -70,14 +70,14 @@ impl FixBook {
                     true => format!("its fixes and those of {other} are swapped: each gets the other's pose"),
                     false => format!("its fixes show the pose of {other}"),
                 };
-                let todo = "correct the names of the tracker's bodies or tags, or the keys it sends to";
-                return Some(Finding::problem("fixes", text, todo.to_owned()).of(robot));
+                let hint = "correct the names of the tracker's bodies or tags, or the keys it sends to";
+                return Some(Finding::problem("fixes", text, hint.to_owned()).of(robot));
             }
             (heard.fixes >= ENOUGH && 2 * heard.elsewhere > heard.fixes).then(|| {
                 let text = format!("its fixes are {:.1} m from its own pose", heard.off_m);
-                let todo =
+                let hint =
                     format!("check which is right; set its pose with `fleet-cli set-pose {robot} X Y`");
-                Finding::problem("fixes", text, todo).of(robot)
+                Finding::problem("fixes", text, hint).of(robot)
             })
         };
         self.0.iter().filter_map(finding).collect()

@@ -4,11 +4,14 @@ use super::{rounded, size, size_m};
 use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
+use crate::map_file::{self, Doubt};
 use crate::output::{Output, Tone};
-use crate::{map_file, vehicle_file};
+use crate::vehicle_file;
 use clap::Args;
 use robot_agent::config::Layers;
 use robot_agent::files;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xtb_client::{Error, ErrorKind, Result};
@@ -44,7 +47,7 @@ const LISTED: usize = 5;
 const LEVEL_WIDTH: usize = 8;
 
 /// How bad it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Level {
     /// As it should be.
@@ -56,17 +59,17 @@ enum Level {
 }
 
 /// One thing that was found.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 struct Finding {
     level: Level,
     text: String,
     /// More of it, a line each.
     detail: Vec<String>,
-    /// What to do about it; empty if nothing has to be.
-    todo: String,
+    /// What to do about it.
+    hint: Option<String>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Place {
     x_m: f64,
     y_m: f64,
@@ -79,7 +82,7 @@ struct Place {
 }
 
 /// What `--json` prints.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Found<'a> {
     name: &'a str,
     hash: MapHash,
@@ -95,6 +98,9 @@ struct Found<'a> {
     findings: Vec<Finding>,
 }
 
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Found<'_>>];
+
 /// Checks a map. Problems make it [`Exit::Failed`], warnings do not.
 ///
 /// # Errors
@@ -105,8 +111,8 @@ pub(super) fn run(ctx: &Context, args: &MapCheckArgs) -> Result<Exit> {
         (None, Some(config)) => vehicle(config)?,
         (None, None) => VehicleConfig::default(),
     };
-    let map = map_file::read(&args.file, args.fine.resolution_m)?;
-    let found = found(&map, &Car::of(&vehicle));
+    let (map, doubt) = map_file::read_closely(&args.file, args.fine.resolution_m)?;
+    let found = found(&map, doubt, &Car::of(&vehicle));
     ctx.out.result(&found, |found| text(found, &map, &ctx.out))?;
     Ok(if found.problems == 0 { Exit::Done } else { Exit::Failed })
 }
@@ -123,9 +129,10 @@ fn vehicle(path: &Path) -> Result<VehicleConfig> {
     Ok(layers.finish().map_err(|error| invalid(&error))?.vehicle)
 }
 
-fn found<'a>(map: &'a Map, car: &Car) -> Found<'a> {
+fn found<'a>(map: &'a Map, doubt: Option<Doubt>, car: &Car) -> Found<'a> {
     let report = check(map, car);
-    let findings = findings(&report, car);
+    let doubtful = doubt.map(|Doubt { text, hint }| finding(Level::Warning, text, hint));
+    let findings: Vec<Finding> = doubtful.into_iter().chain(findings(&report, car)).collect();
     let count = |level| findings.iter().filter(|finding| finding.level == level).count();
     let place = |[x_m, y_m]: [f64; 2], area_m2: Option<f64>, width_m: Option<f64>| Place {
         x_m: rounded(x_m),
@@ -172,8 +179,8 @@ fn findings(report: &Report, car: &Car) -> Vec<Finding> {
                 listed.push(format!("{} smaller ones", several.len() - LISTED));
             }
             let text = format!("{} islands, with no path for a truck between them", several.len());
-            let todo = "a goal on an island other than the truck's cannot be reached";
-            all.push(Finding { detail: listed, ..finding(Level::Warning, text, todo) });
+            let hint = "a goal on an island other than the truck's cannot be reached";
+            all.push(Finding { detail: listed, ..finding(Level::Warning, text, hint) });
         }
     }
     for narrow in report.narrows.iter().take(LISTED) {
@@ -186,7 +193,7 @@ fn findings(report: &Report, car: &Car) -> Vec<Finding> {
 }
 
 fn zone_finding(found: &ZoneFinding) -> Finding {
-    let (level, text, todo) = match found {
+    let (level, text, hint) = match found {
         ZoneFinding::Outside { zone } => {
             (Level::Problem, format!("zone {zone} is outside the map"), "points are (x, y) in m, x east")
         }
@@ -206,11 +213,11 @@ fn zone_finding(found: &ZoneFinding) -> Finding {
             (Level::Problem, text, "leave more than the truck's width beside keep-outs")
         }
     };
-    finding(level, text, todo)
+    finding(level, text, hint)
 }
 
-fn finding(level: Level, text: String, todo: &str) -> Finding {
-    Finding { level, text, detail: Vec::new(), todo: todo.to_owned() }
+fn finding(level: Level, text: String, hint: &str) -> Finding {
+    Finding { level, text, detail: Vec::new(), hint: (!hint.is_empty()).then(|| hint.to_owned()) }
 }
 
 fn text(found: &Found<'_>, map: &Map, out: &Output) -> String {
@@ -229,12 +236,8 @@ fn text(found: &Found<'_>, map: &Map, out: &Output) -> String {
         };
         lines.push(format!("{} {}", out.paint(tone, &format!("{word:LEVEL_WIDTH$}")), finding.text));
         lines.extend(finding.detail.iter().map(|line| format!("{:LEVEL_WIDTH$}   {line}", "")));
-        if !finding.todo.is_empty() {
-            lines.push(format!(
-                "{:LEVEL_WIDTH$} {}",
-                "",
-                out.paint(Tone::Dim, &format!("→ {}", finding.todo))
-            ));
+        if let Some(hint) = &finding.hint {
+            lines.push(format!("{:LEVEL_WIDTH$} {}", "", out.paint(Tone::Dim, &format!("→ {hint}"))));
         }
     }
     let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
@@ -253,7 +256,7 @@ mod tests {
         raster::polyline(&mut grid, &[[3.0, 0.0], [3.0, 1.8]], 0.1, Cell::Occupied);
         raster::polyline(&mut grid, &[[3.0, 2.2], [3.0, 4.0]], 0.1, Cell::Occupied);
         let map = Map::new("hall", grid, zones).unwrap();
-        let found = found(&map, &Car::of(&VehicleConfig::default()));
+        let found = found(&map, None, &Car::of(&VehicleConfig::default()));
         (found.problems, text(&found, &map, &Output { json: false, colors: false }))
     }
 

@@ -4,8 +4,10 @@ use super::size;
 use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::map_file;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xtb_client::{Error, ErrorKind, Result};
@@ -30,7 +32,7 @@ pub struct MapImportArgs {
 }
 
 /// What was written.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Written<'a> {
     yaml: &'a Path,
     image: &'a Path,
@@ -40,6 +42,9 @@ struct Written<'a> {
     height: usize,
     resolution_m: f64,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Written<'_>>];
 
 /// Reads, and writes YAML and PGM.
 ///

@@ -4,9 +4,11 @@ use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::map_file;
 use crate::values::ros_domain;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
@@ -36,7 +38,7 @@ pub struct MapServeArgs {
 }
 
 /// The one line that says it is ready.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ready<'a> {
     ready: bool,
     fleet: &'a Name,
@@ -44,12 +46,15 @@ struct Ready<'a> {
     hash: MapHash,
 }
 
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Ready<'_>>];
+
 /// Serves until it is interrupted.
 ///
 /// # Errors
 /// A file that is no map, no router, or another map that is served already.
 pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
-    let map = map_file::read(&args.file, args.fine.resolution_m)?;
+    let map = map_file::load(&ctx.out, &args.file, args.fine.resolution_m)?;
     let mut stop = pin!(interrupted());
     let starting = async {
         let client = Client::open(&ctx.settings).await?;

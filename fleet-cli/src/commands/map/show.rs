@@ -5,9 +5,11 @@ use super::{centimetres, rounded, size, size_m};
 use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::map_file;
 use crate::output::{Output, Tone};
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -43,7 +45,7 @@ const ZONES_NAMED: usize = 9;
 const GAP: usize = 2;
 
 /// What `--json` prints.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Shown<'a> {
     name: &'a str,
     hash: MapHash,
@@ -57,6 +59,9 @@ struct Shown<'a> {
     unknown_m2: f64,
     zones: &'a [Zone],
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Shown<'_>>];
 
 /// Draws a file's map, or the fleet's.
 ///

@@ -3,9 +3,11 @@
 use super::{LifeArgs, OutArgs, day, time};
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::pki::{Delivery, Pki, Validity, with_local};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::Path;
 use xtb_client::{Error, ErrorKind, Result};
@@ -92,7 +94,7 @@ fn of(roles: &'static [Role]) -> impl TypedValueParser<Value = Role> {
 }
 
 /// What was made.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Made {
     name: Name,
     fleet: Name,
@@ -140,6 +142,9 @@ impl Made {
         }
     }
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Made>];
 
 /// Makes a robot's identity.
 ///

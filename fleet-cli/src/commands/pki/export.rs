@@ -3,9 +3,11 @@
 use super::{day, time, token};
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::pki::{Delivery, Pki};
 use clap::Args;
 use p12_keystore::{Certificate, KeyStore, KeyStoreEntry, PrivateKey, PrivateKeyChain};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xtb_client::{Error, ErrorKind, Result};
@@ -36,7 +38,7 @@ pub struct ExportArgs {
     pub force: bool,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Exported<'a> {
     name: &'a Name,
     file: String,
@@ -45,6 +47,9 @@ struct Exported<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     password: Option<String>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Exported<'_>>];
 
 /// Writes the file.
 ///

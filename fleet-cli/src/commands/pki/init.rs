@@ -3,8 +3,10 @@
 use super::{LifeArgs, day, time};
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::pki::{Pki, Validity};
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::Path;
 use xtb_client::Result;
@@ -25,7 +27,7 @@ pub struct InitArgs {
     pub life: LifeArgs,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Made<'a> {
     fleet: &'a str,
     folder: String,
@@ -34,6 +36,9 @@ struct Made<'a> {
     router_expires: String,
     endpoints: Vec<String>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Made<'_>>];
 
 /// Makes a PKI.
 ///

@@ -3,9 +3,11 @@
 use super::{day, time};
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::output::Tone;
 use crate::pki::Pki;
 use crate::table::{Cell, Table};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -15,7 +17,7 @@ use xtb_identity::Role;
 /// So long before it ends a certificate is to be renewed.
 const SOON: Duration = Duration::from_secs(30 * 24 * 3600);
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Row {
     name: String,
     role: Role,
@@ -31,13 +33,16 @@ struct Row {
     ends: SystemTime,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Listed {
     fleet: String,
     endpoints: Vec<String>,
     router: Row,
     identities: Vec<Row>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Listed>];
 
 /// Lists them.
 ///

@@ -4,8 +4,10 @@ use super::add::Made;
 use super::{LifeArgs, OutArgs, day, time};
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::pki::{Delivery, Pki, with_local};
 use clap::{ArgGroup, Args};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::Path;
 use xtb_client::{Error, ErrorKind, Result};
@@ -47,7 +49,7 @@ pub struct RenewArgs {
     pub out: OutArgs,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct RouterRenewed<'a> {
     fleet: &'a Name,
     role: Role,
@@ -55,6 +57,9 @@ struct RouterRenewed<'a> {
     names: &'a [String],
     expires: String,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<RouterRenewed<'_>>, line_of::<Made>];
 
 /// Makes the next certificate.
 ///

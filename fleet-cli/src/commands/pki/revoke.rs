@@ -2,8 +2,10 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::pki::Pki;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::Path;
 use xtb_client::{Error, ErrorKind, Result};
@@ -24,7 +26,7 @@ pub struct RevokeArgs {
     pub name: Name,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Revoked<'a> {
     name: &'a Name,
     role: Role,
@@ -32,6 +34,9 @@ struct Revoked<'a> {
     /// Whether it was already.
     before: bool,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Revoked<'_>>];
 
 /// Revokes an identity.
 ///

@@ -2,8 +2,10 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::pki::Pki;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::Path;
 use xtb_client::{Error, ErrorKind, Result};
@@ -21,12 +23,15 @@ pub struct TokenArgs {
     pub remove: bool,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Token<'a> {
     name: &'a Name,
     #[serde(skip_serializing_if = "Option::is_none")]
     token: Option<String>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Token<'_>>];
 
 /// Makes a token.
 ///

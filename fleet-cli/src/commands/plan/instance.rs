@@ -17,6 +17,7 @@
 //! The world's zones hold as on its map: keep-outs are walls, one-way zones are driven one way.
 
 use crate::commands::sim::read_world;
+use crate::output::Output;
 use crate::vehicle_file;
 use robot_agent::files;
 use serde::Deserialize;
@@ -112,13 +113,13 @@ impl Instance {
     ///
     /// # Errors
     /// [`ErrorKind::Config`]: it cannot be read, or is neither.
-    pub(crate) fn read(path: &Path) -> Result<Self> {
+    pub(crate) fn read(out: &Output, path: &Path) -> Result<Self> {
         let hint = "an instance needs `agents` (name, start, goal) and a `map` or a `world`";
         let invalid = |error: String| {
             Error::new(ErrorKind::Config, format!("{}: {}", path.display(), error.trim_end())).hint(hint)
         };
         let text = files::text(path, files::MAX_TEXT).map_err(|error| {
-            Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display()))
+            Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display())).hint(hint)
         })?;
         let kind: Kinds = serde_saphyr::from_str(&text).map_err(|error| invalid(error.to_string()))?;
         if kind.world.is_none() {
@@ -132,7 +133,7 @@ impl Instance {
             return Err(invalid(wrong.to_owned()));
         }
         let beside = path.parent().unwrap_or(Path::new(""));
-        let world = read_world(&beside.join(&ours.world))?;
+        let world = read_world(out, &beside.join(&ours.world))?;
         let chart = world.chart(CHART_RESOLUTION_M).map_err(|error| invalid(error.to_string()))?;
         let truck = |agent: &Agent| match &agent.vehicle {
             Some(file) => vehicle_file::read(&beside.join(file)).map(|file| Car::of(&file.vehicle)),

@@ -6,6 +6,7 @@ use crate::table::{Cell, Table};
 use std::time::Duration;
 use xtb_client::Result;
 use xtb_client::client::Client;
+use xtb_client::fleet_view::by_number;
 use xtb_services::dispatch::store::Store;
 use xtb_services::dispatch::usage::Usage;
 use xtb_services::dispatch::{DispatchService, Standing};
@@ -83,7 +84,9 @@ impl EmbeddedDispatcher {
 #[must_use]
 pub(crate) fn table(out: &Output, usage: &Usage) -> String {
     let mut table = Table::new(&["robot", "done", "failed", "distance", "busy", "waiting", "idle", "used"]);
-    for (robot, spent) in &usage.robots {
+    let mut robots: Vec<_> = usage.robots.iter().collect();
+    robots.sort_by_cached_key(|(robot, _)| by_number(robot));
+    for (robot, spent) in robots {
         let whole_s = spent.busy_s + spent.waiting_s + spent.idle_s;
         let used = if whole_s > 0.0 { 100.0 * spent.busy_s / whole_s } else { 0.0 };
         let failed = if spent.failed > 0 { Tone::Bad } else { Tone::Plain };

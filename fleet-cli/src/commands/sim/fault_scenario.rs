@@ -2,12 +2,13 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use schemars::JsonSchema;
 use serde::Serialize;
 use xtb_client::{Error, ErrorKind, Result};
 
 /// A scenario as its seed has it.
-#[derive(Debug, Serialize)]
-struct Scenario {
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Scenario {
     seed: u64,
     robots: usize,
     lasted_ms: u64,

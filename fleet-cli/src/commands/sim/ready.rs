@@ -2,6 +2,7 @@
 
 use crate::context::Context;
 use crate::text::task as task_text;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xtb_client::Result;
@@ -11,8 +12,8 @@ use xtb_services::dispatch::Standing;
 use xtb_simulator::Simulator;
 
 /// The one line that says it is ready.
-#[derive(Debug, Serialize)]
-struct Ready<'a> {
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Ready<'a> {
     ready: bool,
     fleet: &'a Name,
     router: &'a str,

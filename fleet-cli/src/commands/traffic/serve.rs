@@ -4,8 +4,10 @@ use crate::commands::map::ResolutionArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::map_file;
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
@@ -36,13 +38,16 @@ pub struct TrafficServeArgs {
 }
 
 /// The one line that says it is ready.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ready<'a> {
     ready: bool,
     fleet: &'a Name,
     map: &'a str,
     hash: MapHash,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Ready<'_>>];
 
 /// Serves until it is interrupted.
 ///
@@ -52,7 +57,8 @@ pub(super) async fn run(ctx: &Context, args: &TrafficServeArgs) -> Result<Exit> 
     if args.map.is_some() {
         ctx.settings.may(Action::ServeMap)?;
     }
-    let own = args.map.as_deref().map(|file| map_file::read(file, args.fine.resolution_m)).transpose()?;
+    let load = |file| map_file::load(&ctx.out, file, args.fine.resolution_m);
+    let own = args.map.as_deref().map(load).transpose()?;
     let mut stop = pin!(interrupted());
     let starting = async {
         let client = Client::open(&ctx.settings).await?;

@@ -2,11 +2,16 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use tokio::sync::mpsc;
 use xtb_client::client::Client;
+use xtb_client::fleet_view::by_number;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::TrafficState;
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<TrafficState>];
 
 /// Prints what traffic control says next.
 ///
@@ -42,6 +47,10 @@ pub(super) async fn run(ctx: &Context) -> Result<Exit> {
 fn names(names: &[Name]) -> String {
     match names {
         [] => "none".to_owned(),
-        names => names.iter().map(Name::as_str).collect::<Vec<_>>().join(", "),
+        names => {
+            let mut names: Vec<&Name> = names.iter().collect();
+            names.sort_by_cached_key(|name| by_number(name));
+            names.into_iter().map(Name::as_str).collect::<Vec<_>>().join(", ")
+        }
     }
 }

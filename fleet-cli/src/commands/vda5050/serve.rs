@@ -3,7 +3,9 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use clap::{Args, ValueEnum};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::pin::pin;
@@ -77,7 +79,7 @@ fn level(text: &str) -> std::result::Result<String, String> {
 }
 
 /// The one line that says it is ready.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ready<'a> {
     ready: bool,
     fleet: &'a Name,
@@ -88,7 +90,7 @@ struct Ready<'a> {
 }
 
 /// What it did, said at the end.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Ended {
     connected: u64,
     received: u64,
@@ -97,6 +99,9 @@ struct Ended {
     held_back: u64,
     asked: u64,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Ready<'_>>, line_of::<Ended>];
 
 /// Serves until it is interrupted.
 ///

@@ -4,6 +4,7 @@
 //! battery. Drives: what allows it to, then the same without the standstill.
 
 use crate::output::Tone;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::time::Duration;
 use xtb_client::fleet_view::RobotView;
@@ -16,7 +17,7 @@ use xtb_protocol::messages::{BatteryLevel, Fault, GoalStatus, RobotState, StopRe
 use xtb_robot::faults::INPUT_LOST_MS;
 
 /// What it does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Verdict {
     /// Something lets it.
@@ -28,7 +29,7 @@ pub(super) enum Verdict {
 }
 
 /// What a reason is about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Kind {
     /// Whether it can be heard.
@@ -72,7 +73,7 @@ impl Kind {
 }
 
 /// One link of the chain.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Reason {
     /// What it is about.
     pub(super) kind: Kind,
@@ -83,14 +84,14 @@ pub(super) struct Reason {
     /// Since when.
     pub(super) age_ms: Option<u64>,
     /// What to do about it; `None` = nothing.
-    pub(super) todo: Option<String>,
+    pub(super) hint: Option<String>,
     /// Whether it keeps the robot from driving, or soon will.
     pub(super) hinders: bool,
 }
 
 impl Reason {
     fn new(kind: Kind, text: impl Into<String>) -> Self {
-        Self { kind, name: None, text: text.into(), age_ms: None, todo: None, hinders: false }
+        Self { kind, name: None, text: text.into(), age_ms: None, hint: None, hinders: false }
     }
 
     pub(super) fn tone(&self) -> Tone {
@@ -103,7 +104,7 @@ impl Reason {
 }
 
 /// The answer.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Why {
     /// Whose.
     pub(super) robot: Name,
@@ -156,7 +157,7 @@ fn age(ms: u64) -> String {
 
 fn unknown(robot: &RobotView) -> (Verdict, String, Vec<Reason>) {
     let name = &robot.name;
-    let (headline, text, todo) = match (robot.alive, robot.age_ms) {
+    let (headline, text, hint) = match (robot.alive, robot.age_ms) {
         (false, _) => (
             format!("{name} is missing: motion unknown"),
             "no agent with this name at the router".to_owned(),
@@ -175,7 +176,7 @@ fn unknown(robot: &RobotView) -> (Verdict, String, Vec<Reason>) {
         ),
     };
     let reason = Reason {
-        todo: Some(todo.to_owned()),
+        hint: Some(hint.to_owned()),
         hinders: true,
         age_ms: robot.age_ms,
         ..Reason::new(Kind::Link, text)
@@ -206,8 +207,8 @@ fn known(robot: &RobotView, state: &RobotState) -> (Verdict, String, Vec<Reason>
 }
 
 fn tasks(suspension: &Suspension) -> Reason {
-    let todo = Some(suspension.cause.remedy().to_owned());
-    Reason { todo, hinders: true, ..Reason::new(Kind::Tasks, suspension.text()) }
+    let hint = Some(suspension.cause.remedy().to_owned());
+    Reason { hint, hinders: true, ..Reason::new(Kind::Tasks, suspension.text()) }
 }
 
 fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
@@ -218,7 +219,7 @@ fn latches(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
         Reason {
             name: Some(set.latch.to_string()),
             age_ms: Some(set.age_ms),
-            todo: Some(set.remedy(state)),
+            hint: Some(set.remedy(state)),
             hinders: true,
             ..Reason::new(Kind::Latch, text)
         }
@@ -232,7 +233,7 @@ fn faults(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
         Reason {
             name: Some(broken.fault.to_string()),
             age_ms: Some(broken.age_ms),
-            todo: Some(broken.fault.remedy().to_owned()),
+            hint: Some(broken.fault.remedy().to_owned()),
             hinders: true,
             ..Reason::new(Kind::Fault, text)
         }
@@ -265,7 +266,7 @@ fn stops(state: &RobotState) -> impl Iterator<Item = Reason> + '_ {
         Reason {
             name: Some(reasons::name(&reason)),
             age_ms: since,
-            todo: if again {
+            hint: if again {
                 Some(for_robot(StopReason::NoCommand.remedy().unwrap_or_default(), &state.robot))
             } else {
                 reason.remedy().map(|remedy| for_robot(remedy, &state.robot))
@@ -311,15 +312,15 @@ fn may(state: &RobotState) -> Reason {
             Reason::new(Kind::May, format!("goal of {by}, see below"))
         }
         Mode::Idle | Mode::Fault => {
-            let todo = format!("`fleet-cli stop {}`, then check its motor", state.robot);
-            Reason { todo: Some(todo), hinders: true, ..Reason::new(Kind::May, "no known reason") }
+            let hint = format!("`fleet-cli stop {}`, then check its motor", state.robot);
+            Reason { hint: Some(hint), hinders: true, ..Reason::new(Kind::May, "no known reason") }
         }
     }
 }
 
 fn goal(state: &RobotState) -> Option<Reason> {
     let goal = state.goal.as_ref()?;
-    let todo = match goal.status {
+    let hint = match goal.status {
         GoalStatus::Accepted | GoalStatus::Running => None,
         GoalStatus::Blocked => Some("clear the path; it continues by itself".to_owned()),
         GoalStatus::Reached | GoalStatus::Replaced => None,
@@ -335,7 +336,7 @@ fn goal(state: &RobotState) -> Option<Reason> {
     Some(Reason {
         name: Some(reasons::name(&goal.status)),
         age_ms: Some(goal.age_ms),
-        todo,
+        hint,
         hinders: goal.status == GoalStatus::Blocked,
         ..Reason::new(Kind::Goal, describe::goal_in_full(goal))
     })
@@ -348,7 +349,7 @@ fn lease(state: &RobotState) -> Reason {
             let text = format!("{} has control, heard {} ago", lease.holder, age(lease.age_ms));
             Reason {
                 age_ms: Some(lease.age_ms),
-                todo: Some("other clients need --take".to_owned()),
+                hint: Some("other clients need --take".to_owned()),
                 ..Reason::new(Kind::Lease, text)
             }
         }
@@ -370,7 +371,7 @@ fn inputs(state: &RobotState) -> Vec<Reason> {
             Reason {
                 name: Some(name.to_owned()),
                 age_ms: ms,
-                todo: Some(fault.remedy().to_owned()),
+                hint: Some(fault.remedy().to_owned()),
                 hinders: true,
                 ..Reason::new(Kind::Inputs, format!("no data from the {name}, last: {heard}"))
             }
@@ -381,7 +382,7 @@ fn inputs(state: &RobotState) -> Vec<Reason> {
 }
 
 fn battery(state: &RobotState) -> Reason {
-    let (hinders, todo) = match state.battery_level {
+    let (hinders, hint) = match state.battery_level {
         BatteryLevel::Ok => (false, None),
         BatteryLevel::Unknown if state.battery_v.is_some() => (false, None),
         BatteryLevel::Unknown => (false, Some("not measured, may be empty: measure it by hand")),
@@ -391,7 +392,7 @@ fn battery(state: &RobotState) -> Reason {
     };
     Reason {
         name: Some(reasons::name(&state.battery_level)),
-        todo: todo.map(str::to_owned),
+        hint: hint.map(str::to_owned),
         hinders,
         ..Reason::new(Kind::Battery, describe::battery(state))
     }

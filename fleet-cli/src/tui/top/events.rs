@@ -1,5 +1,6 @@
 //! What happened, the newest first; or, instead, the dispatcher's tasks.
 
+use super::labels::fitted;
 use super::robot_view::{age, long_age};
 use super::*;
 use crate::text::task as task_text;
@@ -21,8 +22,8 @@ impl Cockpit {
         };
         let style = look.tone(Tone::Dim).add_modifier(Modifier::UNDERLINED);
         let title = Line::styled(format!(" {title:width$}", width = usize::from(area.width)), style);
-        let lines: Vec<Line<'_>> =
-            std::iter::once(title).chain(lines).take(usize::from(area.height)).collect();
+        let lines = std::iter::once(title).chain(lines).take(usize::from(area.height));
+        let lines: Vec<Line<'_>> = lines.map(|line| fitted(line, area.width)).collect();
         frame.render_widget(Paragraph::new(lines), area);
     }
 

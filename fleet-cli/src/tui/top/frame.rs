@@ -1,5 +1,6 @@
 //! The picture: all panes at their places, the title above, notices and keys below.
 
+use super::labels::fitted;
 use super::layout::{Areas, areas};
 use super::robot_view::{ShownRobot, Standing, age, sights};
 use super::*;
@@ -64,7 +65,8 @@ impl Cockpit {
         self.settle(&sights);
         self.learn(scene);
         let areas = areas(area, sights.len());
-        frame.render_widget(self.title(scene, &sights, areas.title.width, now_ms), areas.title);
+        let title = self.title(scene, &sights, areas.title.width, now_ms);
+        frame.render_widget(fitted(title, areas.title.width), areas.title);
         if let Some(map) = areas.map {
             self.draw_map(frame, map, &sights, now_ms);
         }
@@ -189,7 +191,7 @@ impl Cockpit {
         lines.truncate(usize::from(areas.notices.height));
         let line = |(at_ms, text, tone): (AtMs, String, Tone)| {
             let since = age(Some(now_ms.saturating_sub(at_ms)));
-            Line::styled(format!(" {since:>7}  {text}"), look.tone(tone))
+            fitted(Line::styled(format!(" {since:>7}  {text}"), look.tone(tone)), areas.notices.width)
         };
         let lines: Vec<Line<'_>> = lines.into_iter().map(line).collect();
         frame.render_widget(Paragraph::new(lines), areas.notices);

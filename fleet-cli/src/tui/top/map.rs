@@ -1,6 +1,7 @@
 //! The map: walls and zones, and on them paths, trails, range finders, goals and robots.
 
-use super::robot_view::{ShownRobot, Standing, age};
+use super::labels::{Extent, Label, extents};
+use super::robot_view::{ShownRobot, age};
 use super::view::View;
 use super::*;
 use ratatui::Frame;
@@ -45,6 +46,9 @@ impl Cockpit {
         }
         let names = short_names(sights, self.view.cell_m().0 <= NAMES_UP_TO_M);
         let drawing = Drawing { cockpit: self, view: &self.view, look, now_ms };
+        let labels: Vec<Option<Label>> =
+            sights.iter().zip(&names).map(|(sight, name)| drawing.label(inner, sight, name)).collect();
+        let extents = extents(&labels);
         let (x, y) = self.view.bounds();
         let canvas = Canvas::default().marker(Marker::Braille).x_bounds(x).y_bounds(y).paint(|canvas| {
             drawing.floor(canvas);
@@ -54,8 +58,8 @@ impl Cockpit {
             for (sight, name) in sights.iter().zip(&names) {
                 drawing.goal(canvas, sight, name);
             }
-            for (sight, name) in sights.iter().zip(&names) {
-                drawing.robot(canvas, sight, name);
+            for ((sight, name), extent) in sights.iter().zip(&names).zip(&extents) {
+                drawing.robot(canvas, sight, name, *extent);
             }
         });
         frame.render_widget(canvas, inner);
@@ -218,17 +222,32 @@ impl Drawing<'_> {
         canvas.print(x_m, y_m, Text::styled(format!("◇{arrow}{gap}{name}"), style));
     }
 
-    fn robot(&self, canvas: &mut Context<'_>, sight: &ShownRobot<'_>, name: &str) {
-        let Some(place) = sight.place() else { return };
-        let standing = sight.standing();
-        let known = sight.state.is_some();
+    /// Where the whole label of a robot would be.
+    fn label(&self, inner: Rect, sight: &ShownRobot<'_>, name: &str) -> Option<Label> {
+        let (x_m, y_m, _) = sight.place()?;
+        let spans = self.label_spans(sight, name);
+        let columns: Vec<u16> =
+            spans.iter().map(|span| u16::try_from(span.width()).unwrap_or(u16::MAX)).collect();
+        let is_old = sight.is_old();
+        let age = columns.last().copied().filter(|_| is_old).unwrap_or(0);
+        let (column, row) = self.view.cell(inner, (self.within(&spans, x_m), y_m))?;
+        Some(Label { column, row, name: columns.iter().sum::<u16>() - age, age })
+    }
+
+    /// So that a label does not hang over the right edge.
+    fn within(&self, spans: &[Span<'_>], x_m: f64) -> f64 {
+        let columns: usize = spans.iter().map(Span::width).sum();
+        let [west_m, east_m] = self.view.bounds().0;
+        let edge_m = east_m - columns.saturating_sub(1) as f64 * self.view.cell_m().0;
+        if x_m > edge_m { edge_m.max(west_m) } else { x_m }
+    }
+
+    /// Sign, name, how it stands, and how old that is.
+    fn label_spans(&self, sight: &ShownRobot<'_>, name: &str) -> Vec<Span<'static>> {
+        let (known, standing) = (sight.state.is_some(), sight.standing());
         let color = if known { self.look.robot(sight.row) } else { self.look.paint(Color::DarkGray) };
-        let body = &sight.robot.body;
-        let large = body.length_m / self.view.cell_m().0 >= BODY_CELLS;
-        if known && large {
-            outline(canvas, place, body, color);
-        }
-        let heading = if known { self.look.arrow(place.2) } else { '?' };
+        let yaw_rad = sight.place().map_or(0.0, |(_, _, yaw_rad)| yaw_rad);
+        let heading = if known { self.look.arrow(yaw_rad) } else { '?' };
         let selected = self.cockpit.selected.as_ref() == Some(sight.name);
         let style = Style::new().fg(color).add_modifier(if known { Modifier::BOLD } else { Modifier::DIM });
         let style = if selected { style.add_modifier(Modifier::REVERSED) } else { style };
@@ -236,14 +255,25 @@ impl Drawing<'_> {
         if let Some(sign) = standing.sign().filter(|_| known) {
             spans.push(Span::styled(sign.to_string(), self.look.tone(standing.tone())));
         }
-        if matches!(standing, Standing::Stale | Standing::Gone) {
+        if sight.is_old() {
             spans.push(Span::styled(format!(" {}", age(sight.age_ms)), self.look.tone(Tone::Dim)));
         }
-        // So that it does not hang over the right edge.
-        let columns: usize = spans.iter().map(Span::width).sum();
-        let edge_m = self.view.bounds().0[1] - columns.saturating_sub(1) as f64 * self.view.cell_m().0;
-        let (west_m, _) = (self.view.bounds().0[0], ());
-        let x_m = if place.0 > edge_m { edge_m.max(west_m) } else { place.0 };
+        spans
+    }
+
+    fn robot(&self, canvas: &mut Context<'_>, sight: &ShownRobot<'_>, name: &str, extent: Extent) {
+        let Some(place) = sight.place() else { return };
+        let body = &sight.robot.body;
+        if sight.state.is_some() && body.length_m / self.view.cell_m().0 >= BODY_CELLS {
+            outline(canvas, place, body, self.look.robot(sight.row));
+        }
+        let mut spans = self.label_spans(sight, name);
+        let x_m = self.within(&spans, place.0);
+        match extent {
+            Extent::Sign => spans.truncate(1),
+            Extent::Name if sight.is_old() => drop(spans.pop()),
+            Extent::Name | Extent::Age => {}
+        }
         canvas.print(x_m, place.1, Text::from(spans));
     }
 }

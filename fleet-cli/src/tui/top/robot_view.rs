@@ -92,6 +92,11 @@ pub(super) fn sights<'a>(scene: &'a Scene, only: &[Name], now_ms: AtMs) -> Vec<S
 }
 
 impl ShownRobot<'_> {
+    /// Whether what is shown of it is its last and not what is now.
+    pub(super) fn is_old(&self) -> bool {
+        matches!(self.standing(), Standing::Stale | Standing::Gone)
+    }
+
     /// How it stands with it.
     pub(super) fn standing(&self) -> Standing {
         let Some(state) = self.state else {

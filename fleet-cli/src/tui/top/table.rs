@@ -2,6 +2,7 @@
 
 use super::robot_view::{ShownRobot, UNKNOWN, age};
 use super::*;
+use crate::text::width::shortened;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Rect};
 use ratatui::style::Modifier;
@@ -114,7 +115,7 @@ impl Cockpit {
                     let strong = if selected { Modifier::REVERSED | Modifier::BOLD } else { Modifier::BOLD };
                     Cell::from(format!("{mark}{text}")).style(style.add_modifier(strong))
                 }
-                _ => Cell::from(text).style(style),
+                _ => Cell::from(shortened(&text, usize::from(*width))).style(style),
             }
         });
         let row = Row::new(cells.collect::<Vec<_>>());

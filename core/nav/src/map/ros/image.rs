@@ -25,20 +25,36 @@ struct Picture {
     samples: Vec<u16>,
 }
 
+impl Picture {
+    fn read(bytes: &[u8]) -> Result<Self, RosError> {
+        match bytes {
+            [0x89, b'P', b'N', b'G', ..] => png(bytes),
+            [b'P', b'1'..=b'6', ..] => pnm::read(bytes),
+            _ => Err(refused("neither PNG nor PGM")),
+        }
+    }
+
+    /// How bright each pixel is, 0 to 1, rows from south to north.
+    fn shades(&self) -> impl Iterator<Item = f64> {
+        let rows = self.samples.chunks_exact(self.width * self.channels).rev();
+        rows.flat_map(|row| row.chunks_exact(self.channels)).map(|pixel| {
+            let sum: f64 = pixel.iter().map(|&sample| f64::from(sample)).sum();
+            sum / self.channels as f64 / f64::from(self.full)
+        })
+    }
+}
+
 /// Width, height and cells, rows from south to north.
 pub(super) fn cells(bytes: &[u8], thresholds: Thresholds) -> Result<(usize, usize, Vec<Cell>), RosError> {
-    let Picture { width, height, channels, full, samples } = match bytes {
-        [0x89, b'P', b'N', b'G', ..] => png(bytes)?,
-        [b'P', b'1'..=b'6', ..] => pnm::read(bytes)?,
-        _ => return Err(refused("neither PNG nor PGM")),
-    };
-    let cell = |pixel: &[u16]| {
-        let sum: f64 = pixel.iter().map(|&sample| f64::from(sample)).sum();
-        thresholds.cell(sum / channels as f64 / f64::from(full))
-    };
-    let rows = samples.chunks_exact(width * channels).rev();
-    let cells = rows.flat_map(|row| row.chunks_exact(channels).map(cell)).collect();
-    Ok((width, height, cells))
+    let picture = Picture::read(bytes)?;
+    let cells = picture.shades().map(|shade| thresholds.cell(shade)).collect();
+    Ok((picture.width, picture.height, cells))
+}
+
+/// How many pixels are as bright as this one of 8 bits.
+pub(super) fn count(bytes: &[u8], of: u8) -> Result<usize, RosError> {
+    let of = f64::from(of) / 255.0;
+    Ok(Picture::read(bytes)?.shades().filter(|shade| (shade - of).abs() < 0.5 / 255.0).count())
 }
 
 /// Before any of it is unpacked.

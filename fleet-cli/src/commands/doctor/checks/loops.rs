@@ -32,12 +32,12 @@ fn late(facts: &Facts) -> Vec<Finding> {
     let late = facts.states.iter().filter(|(_, state)| state.turn_late_us > LATE_US);
     late.map(|(name, state)| {
         let text = format!("control loop {} ms late", state.turn_late_us / 1000);
-        let todo = if could_be_prioritized(facts, name) {
+        let hint = if could_be_prioritized(facts, name) {
             "its computer is overloaded: end other programs on it, or start its agent with --realtime"
         } else {
             "its computer is overloaded: end other programs on it"
         };
-        simulator::late(facts, name, Finding::warning(TOPIC, text, todo)).of(name)
+        simulator::late(facts, name, Finding::warning(TOPIC, text, hint)).of(name)
     })
     .collect()
 }
@@ -103,9 +103,9 @@ mod tests {
         let found = only(&facts);
         assert_eq!((found.level, found.robot), (Level::Warning, Some(name("xtb-2"))));
         assert_eq!(found.text, "--realtime: SCHED_FIFO refused: not permitted");
-        let todo = found.todo.unwrap();
+        let hint = found.hint.unwrap();
         for part in ["setcap cap_sys_nice,cap_ipc_lock+ep", "LimitRTPRIO=20", "LimitMEMLOCK=infinity"] {
-            assert!(todo.contains(part), "{todo}");
+            assert!(hint.contains(part), "{hint}");
         }
     }
 
@@ -117,7 +117,7 @@ mod tests {
             says(&mut facts, "xtb-1", said);
             let found = only(&facts);
             assert_eq!((found.level, found.text.as_str()), (Level::Warning, "control loop 12 ms late"));
-            assert_eq!(found.todo.unwrap().contains("--realtime"), hint, "{said}");
+            assert_eq!(found.hint.unwrap().contains("--realtime"), hint, "{said}");
         }
     }
 

@@ -68,17 +68,17 @@ impl Security {
             "{} lets in everybody: whoever reaches it could drive every robot{without_tls}",
             open.join(", ")
         );
-        let todo =
+        let hint =
             "set up identities: `fleet-cli pki init`, then `fleet-cli router --listen tls/0.0.0.0:7447`";
-        (!open.is_empty()).then(|| Finding::warning(TOPIC, text, todo))
+        (!open.is_empty()).then(|| Finding::warning(TOPIC, text, hint))
     }
 
     fn with(&self, identity: &Identity) -> Vec<Finding> {
         let mut found = Vec::new();
         if let Ok(Certificate { not_after, .. }) = identity.certificate() {
             let what = format!("the certificate of {}", identity.name);
-            let todo = format!("renew it where the CA is: `fleet-cli pki renew {}`", identity.name);
-            found.push(self.lasts(&what, not_after, todo).unwrap_or_else(|| {
+            let hint = format!("renew it where the CA is: `fleet-cli pki renew {}`", identity.name);
+            found.push(self.lasts(&what, not_after, hint).unwrap_or_else(|| {
                 let text = format!(
                     "{} ({}); {what} is valid until {}",
                     identity.name,
@@ -104,9 +104,9 @@ impl Security {
         }
         if let Some((robot, other)) = &self.answers_others {
             let text = format!("answers a command of {} under the name {other}", identity.name);
-            let todo =
+            let hint =
                 "the router does not check names: run it with `fleet-cli router` and the fleet's PKI folder";
-            found.push(Finding::problem(TOPIC, text, todo).of(robot));
+            found.push(Finding::problem(TOPIC, text, hint).of(robot));
         }
         found
     }
@@ -116,16 +116,16 @@ impl Security {
         let mut found = Vec::new();
         if *anonymous {
             let text = format!("the router at {endpoint} accepts connections without a certificate");
-            let todo = "run it with `fleet-cli router`, or zenohd with the rules of `--print-acl` and mTLS";
-            found.push(Finding::problem(TOPIC, text, todo));
+            let hint = "run it with `fleet-cli router`, or zenohd with the rules of `--print-acl` and mTLS";
+            found.push(Finding::problem(TOPIC, text, hint));
         }
         if *plain {
             let text = format!("the router at {endpoint} opens sessions without TLS");
             found.push(Finding::problem(TOPIC, text, "end its tcp/ listeners that others can reach"));
         }
-        let todo = "renew it where the CA is: `fleet-cli pki renew --router`".to_owned();
+        let hint = "renew it where the CA is: `fleet-cli pki renew --router`".to_owned();
         let what = format!("the certificate of the router at {endpoint}");
-        found.push(self.lasts(&what, certificate.not_after, todo).unwrap_or_else(|| {
+        found.push(self.lasts(&what, certificate.not_after, hint).unwrap_or_else(|| {
             let names = certificate.hosts.join(", ");
             let text =
                 format!("router {endpoint}: names {names}; valid until {}", day(certificate.not_after));
@@ -141,8 +141,8 @@ impl Security {
             "renew it: `fleet-cli pki renew --router`".to_owned(),
         );
         let entries = registry.admitted().filter_map(|entry| {
-            let todo = format!("renew it: `fleet-cli pki renew {}`", entry.name);
-            self.lasts(&format!("the certificate of {}", entry.name), entry.expires, todo)
+            let hint = format!("renew it: `fleet-cli pki renew {}`", entry.name);
+            self.lasts(&format!("the certificate of {}", entry.name), entry.expires, hint)
         });
         let mut found: Vec<Finding> = router.into_iter().chain(entries).collect();
         // Each once, though the own certificate is also an entry.
@@ -161,13 +161,13 @@ impl Security {
     }
 
     /// `None` = it lasts for longer than a month.
-    fn lasts(&self, what: &str, until: SystemTime, todo: String) -> Option<Finding> {
+    fn lasts(&self, what: &str, until: SystemTime, hint: String) -> Option<Finding> {
         match until.duration_since(self.now) {
-            Err(_) => Some(Finding::problem(TOPIC, format!("{what} expired on {}", day(until)), todo)),
+            Err(_) => Some(Finding::problem(TOPIC, format!("{what} expired on {}", day(until)), hint)),
             Ok(left) if left <= SOON => {
                 let days = left.as_secs() / (24 * 3600);
                 let text = format!("{what} expires in {days} days, on {}", day(until));
-                Some(Finding::warning(TOPIC, text, todo))
+                Some(Finding::warning(TOPIC, text, hint))
             }
             Ok(_) => None,
         }
@@ -260,7 +260,7 @@ mod tests {
         let readable = vec![("/home/a/.config/xtb/identity/key.pem".into(), 0o644)];
         let found = Security { readable, ..nothing() }.findings();
         assert!(found[0].text.ends_with("key.pem (mode 644)"), "{found:?}");
-        assert!(found[0].todo.as_ref().unwrap().starts_with("`chmod 600 "), "{found:?}");
+        assert!(found[0].hint.as_ref().unwrap().starts_with("`chmod 600 "), "{found:?}");
     }
 
     #[test]

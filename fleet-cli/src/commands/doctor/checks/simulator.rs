@@ -17,8 +17,8 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     if !stats.is_slow() {
         return vec![Finding::ok(TOPIC, runs)];
     }
-    let todo = "use fewer --robots, a lower --speed, or a faster computer";
-    vec![Finding::warning(TOPIC, format!("{runs}: the computer is too slow for it"), todo)]
+    let hint = "use fewer --robots, a lower --speed, or a faster computer";
+    vec![Finding::warning(TOPIC, format!("{runs}: the computer is too slow for it"), hint)]
 }
 
 /// Whether a robot is in a simulator that is overloaded.
@@ -28,8 +28,8 @@ pub(super) fn holds_up(facts: &Facts, robot: &Name) -> bool {
 }
 
 /// What to do about a robot, unless it is the simulator's fault.
-pub(super) fn or_overloaded(facts: &Facts, robot: &Name, todo: &str) -> String {
-    if holds_up(facts, robot) { OVERLOADED } else { todo }.to_owned()
+pub(super) fn or_overloaded(facts: &Facts, robot: &Name, hint: &str) -> String {
+    if holds_up(facts, robot) { OVERLOADED } else { hint }.to_owned()
 }
 
 /// What is late or silent is worth a look at most, if it is the simulator's fault.
@@ -37,5 +37,5 @@ pub(super) fn late(facts: &Facts, robot: &Name, finding: Finding) -> Finding {
     if !holds_up(facts, robot) {
         return finding;
     }
-    Finding { level: Level::Warning, todo: Some(OVERLOADED.to_owned()), ..finding }
+    Finding { level: Level::Warning, hint: Some(OVERLOADED.to_owned()), ..finding }
 }

@@ -42,7 +42,7 @@ fn wrong(facts: &Facts) -> Vec<Finding> {
 fn the_only(facts: &Facts) -> Finding {
     let mut found = wrong(facts);
     assert_eq!(found.len(), 1, "{found:?}");
-    assert!(found[0].todo.as_ref().is_some_and(|todo| !todo.is_empty()), "{found:?}");
+    assert!(found[0].hint.as_ref().is_some_and(|hint| !hint.is_empty()), "{found:?}");
     found.remove(0)
 }
 
@@ -74,10 +74,10 @@ fn the_roster_names_the_missing_and_the_unexpected_or_how_to_write_one() {
     let found = the_only(&facts);
     assert_eq!((found.level, found.robot), (Level::Warning, Some(name("xtb-2"))));
     facts.roster = None;
-    let todo = the_only(&facts).todo.unwrap();
-    let written = todo.split('`').nth(1).unwrap();
+    let hint = the_only(&facts).hint.unwrap();
+    let written = hint.split('`').nth(1).unwrap();
     let config = crate::config::FleetConfig::parse(written).unwrap();
-    assert_eq!(config.robots, [entry("xtb-1"), entry("xtb-2")], "{todo}");
+    assert_eq!(config.robots, [entry("xtb-1"), entry("xtb-2")], "{hint}");
 }
 
 #[test]
@@ -218,7 +218,7 @@ fn latches_faults_and_batteries_are_shown_with_their_remedies() {
     state.latches.clear();
     state.faults = vec![FaultState { fault: Fault::GyroSilent, age_ms: 3000, detail: None }];
     let found = the_only(&facts);
-    assert_eq!((found.level, found.todo.as_deref()), (Level::Problem, Some(Fault::GyroSilent.remedy())));
+    assert_eq!((found.level, found.hint.as_deref()), (Level::Problem, Some(Fault::GyroSilent.remedy())));
     let state = facts.states.get_mut(&name("xtb-1")).unwrap();
     state.faults = vec![FaultState { fault: Fault::BatteryLow, age_ms: 3000, detail: None }];
     state.battery_level = BatteryLevel::Finish;
@@ -256,12 +256,12 @@ fn an_overloaded_simulator_is_named_and_its_robots_are_not_blamed() {
     assert_eq!(topics[0], ("roster", Level::Problem), "who is missing is missing");
     assert_eq!(topics[1..], warned);
     for finding in &found[1..] {
-        assert!(finding.todo.as_ref().unwrap().contains("not the robot's fault"), "{finding:?}");
+        assert!(finding.hint.as_ref().unwrap().contains("not the robot's fault"), "{finding:?}");
     }
     // In time, the same robots have to answer for themselves.
     let blamed = wrong(&with_faults(0.99));
     assert!(
-        blamed.iter().all(|finding| !finding.todo.as_ref().unwrap().contains("simulator is")),
+        blamed.iter().all(|finding| !finding.hint.as_ref().unwrap().contains("simulator is")),
         "{blamed:?}"
     );
     assert!(blamed.iter().any(|finding| (finding.topic, finding.level) == ("clocks", Level::Problem)));

@@ -44,16 +44,16 @@ fn a_standstill_is_explained_from_latch_to_battery_each_with_what_to_do() {
         Kind::Battery,
     ];
     assert_eq!(kinds(&why), order);
-    let todo = |i: usize| why.reasons[i].todo.as_deref().unwrap();
-    assert!(todo(0).starts_with(&format!("first {}; then `fleet-cli reset", fault.remedy())), "{}", todo(0));
-    assert_eq!(todo(1), fault.remedy());
+    let hint = |i: usize| why.reasons[i].hint.as_deref().unwrap();
+    assert!(hint(0).starts_with(&format!("first {}; then `fleet-cli reset", fault.remedy())), "{}", hint(0));
+    assert_eq!(hint(1), fault.remedy());
     assert_eq!(why.reasons[2].name.as_deref(), Some("obstacle_front"), "a latch is not said twice");
-    assert!(todo(2).contains("clear the path"), "{}", todo(2));
+    assert!(hint(2).contains("clear the path"), "{}", hint(2));
     assert!(why.reasons[3].text.contains("failed (1.00, 2.00) 3.0 s ago, sent by me: gyro_lost"));
-    assert!(todo(3).contains("fleet-cli goto xtb-1 1 2"), "{}", todo(3));
+    assert!(hint(3).contains("fleet-cli goto xtb-1 1 2"), "{}", hint(3));
     assert!(why.reasons[4].text.contains("cli-2 has control, heard 40 ms ago"));
     assert_eq!((why.reasons[5].age_ms, why.reasons[5].hinders), (Some(3200), true));
-    assert!(todo(7).contains("charge"), "{}", todo(7));
+    assert!(hint(7).contains("charge"), "{}", hint(7));
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn what_is_not_known_is_called_unknown() {
         let why = explain(&robot(alive, age_ms));
         assert_eq!(why.verdict, Verdict::Unknown);
         assert!(why.headline.contains(said) && why.headline.contains("unknown"), "{}", why.headline);
-        assert!(why.mode.is_none() && why.reasons.len() == 1 && why.reasons[0].todo.is_some());
+        assert!(why.mode.is_none() && why.reasons.len() == 1 && why.reasons[0].hint.is_some());
     }
     // A robot that has left, its last words still fresh.
     let left = RobotView { alive: false, ..view(fake::state("xtb-1")) };
@@ -101,7 +101,7 @@ fn every_reason_to_stand_has_words_and_only_passing_ones_have_nothing_to_do() {
         let state = RobotState { latches: vec![fake::latch(latch, "x", true)], ..fake::state("xtb-1") };
         let why = explain(&view(state));
         assert_eq!(why.verdict, Verdict::Stands);
-        assert!(why.reasons[0].todo.as_ref().unwrap().contains(&format!("--latch {latch}")));
+        assert!(why.reasons[0].hint.as_ref().unwrap().contains(&format!("--latch {latch}")));
         // The state names a latch by the reason of the same name.
         assert_eq!(reasons::name(&latch.reason()), latch.to_string());
     }
@@ -113,7 +113,7 @@ fn a_latch_that_was_reset_is_only_why_it_stopped() {
     let why = explain(&view(state));
     assert_eq!(why.verdict, Verdict::Stands);
     assert_eq!(why.reasons[0].text, "emergency stop, since reset");
-    assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
+    assert!(why.reasons[0].hint.as_ref().unwrap().contains("give a new command"));
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn a_line_that_is_heard_again_is_only_why_it_stopped() {
     state.input_age_ms.encoder = Some(20);
     let why = explain(&view(state.clone()));
     assert_eq!(why.reasons[0].text, "I/O board was lost, now responding again");
-    assert!(why.reasons[0].todo.as_ref().unwrap().contains("give a new command"));
+    assert!(why.reasons[0].hint.as_ref().unwrap().contains("give a new command"));
     state.input_age_ms.encoder = Some(3000);
     assert_eq!(explain(&view(state)).reasons[0].text, "I/O board not responding, last message 3.0 s ago");
 }
@@ -135,5 +135,5 @@ fn a_robot_that_stands_beside_a_suspended_dispatcher_has_that_for_a_reason() {
     let why = explain(&view(state)).beside(&suspended);
     let reason = why.reasons.iter().find(|reason| reason.kind == Kind::Tasks).unwrap();
     assert!(reason.text.contains("emergency stop of all robots; 2 open tasks wait"), "{}", reason.text);
-    assert!(reason.todo.as_ref().unwrap().contains("dispatch activate"));
+    assert!(reason.hint.as_ref().unwrap().contains("dispatch activate"));
 }
