@@ -9,7 +9,7 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{
-    DispatchReply, FleetMap, FleetPlaces, LogReply, Message, Reply, Request, Roster, StandbyReply, TaskList,
+    DispatchReply, FleetHomes, FleetMap, FleetPlaces, LogReply, Message, Reply, Request, Roster, StandbyReply, TaskList,
     Truth,
 };
 use xtb_protocol::wire::{self, CodecError};
@@ -32,6 +32,7 @@ fn longest_bytes(channel: &Channel) -> usize {
         Channel::DispatchCmd(_) => DispatchReply::MAX_BYTES,
         Channel::DispatchStandby(_) => StandbyReply::MAX_BYTES,
         Channel::DispatchTasks => TaskList::MAX_BYTES,
+        Channel::DispatchHomes => FleetHomes::MAX_BYTES,
         Channel::SimTruth => Truth::MAX_BYTES,
         Channel::SimRoster => Roster::MAX_BYTES,
         Channel::Alive

@@ -7,7 +7,7 @@ use thiserror::Error;
 use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, FleetPlaces, IdentityStatus, LogRequest, Message,
+    About, DispatchRequest, Estop, Event, Fix, FleetHomes, FleetMap, FleetPlaces, IdentityStatus, LogRequest, Message,
     NearState, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent,
     TaskList, TrafficState, Truth,
 };
@@ -100,6 +100,8 @@ any_message! {
     Identity(IdentityStatus),
     /// The dispatcher's tasks.
     Tasks(TaskList),
+    /// Who is at a dock or on the way to one.
+    Homes(FleetHomes),
     /// A change of a task.
     TaskEvent(TaskEvent),
 }
@@ -160,6 +162,7 @@ impl AnyMessage {
             Channel::DispatchStandby(_) => bytes.read::<StandbyRequest>()?.into(),
             Channel::Identity(_) => bytes.read::<IdentityStatus>()?.into(),
             Channel::DispatchTasks => bytes.read::<TaskList>()?.into(),
+            Channel::DispatchHomes => bytes.read::<FleetHomes>()?.into(),
             Channel::DispatchEvent => bytes.read::<TaskEvent>()?.into(),
             Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {
                 return Err(Unreadable::Presence);

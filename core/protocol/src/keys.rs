@@ -237,6 +237,8 @@ channels! {
         DispatchAlive: dispatch_alive, DISPATCH_ALIVE, "dispatch/alive", RELIABLE;
         /// [`TaskList`](crate::messages::TaskList), queryable.
         DispatchTasks: dispatch_tasks, DISPATCH_TASKS, "dispatch/tasks", RELIABLE;
+        /// [`FleetHomes`](crate::messages::FleetHomes): who is at a dock or on the way to one, queryable.
+        DispatchHomes: dispatch_homes, DISPATCH_HOMES, "dispatch/homes", RELIABLE;
         /// [`TaskEvent`](crate::messages::TaskEvent), each change of a task; recoverable.
         DispatchEvent: dispatch_event, DISPATCH_EVENT, "dispatch/event", RELIABLE;
         /// [`Truth`](crate::messages::Truth) of the simulator, JSON, 20 Hz while somebody listens.
@@ -375,6 +377,7 @@ mod tests {
             (fleet.identity(Some(&client)), Channel::Identity(client.clone())),
             (fleet.dispatch_tasks(), Channel::DispatchTasks),
             (fleet.dispatch_event(), Channel::DispatchEvent),
+            (fleet.dispatch_homes(), Channel::DispatchHomes),
             (fleet.sim_truth(), Channel::SimTruth),
             (fleet.sim_roster(), Channel::SimRoster),
             (fleet.sim_stats(), Channel::SimStats),

@@ -109,6 +109,7 @@ pub(super) fn rows(kind: Kind) -> &'static [Row] {
         Kind::DispatchTasks => {
             &[Row(Put, &[P::Dispatcher], &[P::Look]), Row(Ask, &[P::Look], &[P::Dispatcher])]
         }
+        Kind::DispatchHomes => &[Row(Ask, &[P::Look], &[P::Dispatcher])],
         Kind::DispatchEvent => &[Row(Event, &[P::Dispatcher], &[P::Look])],
         // Simulators of one world meet each other's robots.
         Kind::SimTruth => &[Row(Put, &[P::Simulator], &[P::Look, P::Simulator])],

@@ -11,7 +11,7 @@ use crate::write_queue::OnWritten;
 use std::collections::BTreeSet;
 use xtb_nav::Car;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{TaskId, TaskState, Who};
+use xtb_protocol::messages::{BatteryLevel, TaskId, TaskState, Who};
 
 /// How much farther a robot counts whose battery is getting low, in m.
 const LOW_BATTERY_M: f64 = 20.0;
@@ -25,7 +25,7 @@ impl Dispatcher {
     /// reserved for that one, for a while; then, any that is free and left over gets it.
     pub(super) fn allocate(&mut self, now_ms: u64, travel_cost: &dyn TravelCost) {
         self.reserved.clear();
-        if self.suspension_state().stop.is_some() {
+        if self.suspension_state().stop.is_some() || self.are_places_due(now_ms) {
             return;
         }
         let free = self.robots.values().filter(|robot| self.is_free(now_ms, robot));
@@ -55,7 +55,8 @@ impl Dispatcher {
                 let (task, robot) = (waiting[tasks[task]], robots[who[robot]]);
                 let car = robot.car.unwrap_or(widest);
                 let fits = car.core_m() <= least_m || fits(travel_cost, task, &car);
-                fits.then(|| penalty_m(task, robot)).flatten()
+                let may = robot.stays_for.is_none() || self.is_own(task);
+                (fits && may).then(|| penalty_m(task, robot)).flatten()
             };
             let pairs = assign::assign(&some_demands, &some_candidates, travel_cost, &penalty_m);
             pairs.into_iter().map(|(task, robot)| (tasks[task], who[robot])).collect()
@@ -172,7 +173,8 @@ impl Dispatcher {
             let no_member = || self.membership(robot).err();
             let incapable = robot.incapable.get(&id).cloned();
             let unmeasured = || unmeasured(robot).filter(|_| measured).map(str::to_owned);
-            let reason = busy.or(incapable).or_else(unavailable).or_else(no_member).or_else(unmeasured)?;
+            let at_home = || robot.stays_for.clone().filter(|_| !self.is_own(task));
+            let reason = busy.or(incapable).or_else(unavailable).or_else(at_home).or_else(no_member).or_else(unmeasured)?;
             Some(format!("{}: {reason}", robot.name))
         });
         let mut reasons: Vec<String> = reasons.collect();
@@ -187,7 +189,7 @@ impl Dispatcher {
 
 fn candidate(robot: &TrackedRobot) -> Option<Candidate> {
     let observed = robot.observed.as_ref()?;
-    let extra_m = if observed.low_battery { LOW_BATTERY_M } else { 0.0 };
+    let extra_m = if observed.battery_level == BatteryLevel::Warn { LOW_BATTERY_M } else { 0.0 };
     Some(Candidate { pose: observed.pose, car: robot.car(), extra_m })
 }
 

@@ -65,12 +65,13 @@ const QUESTIONS: [(&str, &[Role]); 9] = [
     ("xtb-1/*/alice", &[]),
 ];
 /// Answers that nobody may give but these: a shadow of the robot, the dispatcher, the map or the roster.
-const SHADOWS: [(&str, &[Role]); 10] = [
+const SHADOWS: [(&str, &[Role]); 11] = [
     ("xtb-1/state", &[Role::Robot, Role::Simulator]),
     ("xtb-1/about", &[Role::Robot, Role::Simulator]),
     ("xtb-1/cmd/alice", &[Role::Robot, Role::Simulator]),
     ("xtb-1/event/@adv/**", &[Role::Robot, Role::Simulator]),
     ("dispatch/tasks", &[Role::Dispatcher]),
+    ("dispatch/homes", &[Role::Dispatcher]),
     ("dispatch/cmd/alice", &[Role::Dispatcher]),
     ("map", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("map/places", &[Role::Map, Role::Dispatcher, Role::Simulator]),

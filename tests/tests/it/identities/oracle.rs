@@ -19,7 +19,7 @@ const LOOK: &[Line] = &[
     (
         "in",
         "query",
-        "*/{state,about} map map/places dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
+        "*/{state,about} map map/places dispatch/{tasks,homes} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "in",
@@ -35,7 +35,7 @@ const LOOK: &[Line] = &[
     (
         "out",
         "reply",
-        "*/{state,about} map map/places dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
+        "*/{state,about} map map/places dispatch/{tasks,homes} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
     ),
     ("out", "liveliness_token", "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/** */event/json/@adv/**"),
 ];
@@ -64,11 +64,11 @@ const DISPATCH: &[Line] = &[
     ("in", "declare_subscriber", "all/estop/*"),
     ("in", "query", "*/cmd/dispatch dispatch/standby/dispatch"),
     ("in", "put", "dispatch/{tasks,event,event/@adv/**}"),
-    ("in", "declare_queryable", "dispatch/{tasks,cmd/*,standby/*,event/@adv/**}"),
-    ("in", "reply", "dispatch/{tasks,cmd/*,standby/*,event/@adv/**,event}"),
+    ("in", "declare_queryable", "dispatch/{tasks,homes,cmd/*,standby/*,event/@adv/**}"),
+    ("in", "reply", "dispatch/{tasks,homes,cmd/*,standby/*,event/@adv/**,event}"),
     ("in", "liveliness_token", "dispatch/{alive,event/@adv/**}"),
     ("out", "put", "all/estop/*"),
-    ("out", "query", "dispatch/{tasks,cmd/*,standby/*,event/@adv/**}"),
+    ("out", "query", "dispatch/{tasks,homes,cmd/*,standby/*,event/@adv/**}"),
     ("out", "reply", "*/cmd/dispatch dispatch/standby/dispatch"),
 ];
 const TRAFFIC: &[Line] =
