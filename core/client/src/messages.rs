@@ -8,7 +8,7 @@ use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
     About, DispatchRequest, Estop, Event, Fix, FleetHomes, FleetMap, FleetPlaces, IdentityStatus, LogRequest, Message,
-    NearState, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent,
+    NearState, ParamRequest, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent,
     TaskList, TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
@@ -96,6 +96,8 @@ any_message! {
     StandbyRequest(StandbyRequest),
     /// What a client asks of a robot's recordings.
     LogRequest(LogRequest),
+    /// What a client asks of a robot's settings.
+    ParamRequest(ParamRequest),
     /// Whether the router admits an identity.
     Identity(IdentityStatus),
     /// The dispatcher's tasks.
@@ -150,6 +152,7 @@ impl AnyMessage {
             Channel::Estop(_) | Channel::EstopAll(_) => bytes.read::<Estop>()?.into(),
             Channel::Fix => bytes.read::<Fix>()?.into(),
             Channel::Log(_) => bytes.read::<LogRequest>()?.into(),
+            Channel::Param(_) => bytes.read::<ParamRequest>()?.into(),
             Channel::Route => bytes.read::<Route>()?.into(),
             Channel::Near(_) => bytes.read::<NearState>()?.into(),
             Channel::TrafficState => bytes.read::<TrafficState>()?.into(),

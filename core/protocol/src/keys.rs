@@ -216,6 +216,9 @@ channels! {
     robot by client { // xtb/<fleet>/<robot>/…/<client>, so that identities can be bound to it one day
         /// [`Request`](crate::messages::Request) → [`Reply`](crate::messages::Reply).
         Cmd: cmd, CMD, "cmd", RELIABLE;
+        /// [`ParamRequest`](crate::messages::ParamRequest) → [`ParamReply`](crate::messages::ParamReply): settings
+        /// that may change while the robot runs.
+        Param: param, PARAM, "param", RELIABLE;
         /// [`LogRequest`](crate::messages::LogRequest) → [`LogReply`](crate::messages::LogReply): the robot's
         /// recordings, asked for piece by piece.
         Log: log, LOG, "log", BULK;
@@ -363,6 +366,7 @@ mod tests {
             (robot.route(), Channel::Route),
             (robot.near(FloorCell::at(-1.0, 9.0)), Channel::Near(FloorCell { column: -1, row: 1 })),
             (robot.cmd(Some(&client)), Channel::Cmd(client.clone())),
+            (robot.param(Some(&client)), Channel::Param(client.clone())),
             (robot.log(Some(&client)), Channel::Log(client.clone())),
             (robot.teleop(Some(&client)), Channel::Teleop(client.clone())),
             (robot.estop(Some(&client)), Channel::Estop(client.clone())),

@@ -31,7 +31,7 @@ _fleet-cli_live() {
                     break ;;
                 route | patrol) kind=places && break ;;
                 task | cancel | pause | resume | retry | extend) kind=tasks && break ;;
-                status | why | wander | stop | estop | reset | teleop | top | fetch-log) kind=robots && break ;;
+                status | why | wander | stop | estop | reset | teleop | top | fetch-log | param) kind=robots && break ;;
                 dispatch) ;;
             esac
         done
@@ -43,7 +43,7 @@ complete -F _fleet-cli_live -o bashdefault -o default fleet-cli
 
 const LIVE_FISH: &str = r#"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from task cancel pause resume retry extend" -a "(fleet-cli names tasks 2>/dev/null)"
-complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why goto wander stop estop reset set-pose teleop top fetch-log; and not __fish_seen_subcommand_from dispatch" -a "(fleet-cli names robots 2>/dev/null)"
+complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why goto wander stop estop reset set-pose teleop top fetch-log param; and not __fish_seen_subcommand_from dispatch" -a "(fleet-cli names robots 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from goto set-pose route patrol" -a "(fleet-cli names places 2>/dev/null)"
 complete -c fleet-cli -n "__fish_seen_subcommand_from dispatch tasks" -l robot -x -a "(fleet-cli names robots 2>/dev/null)"
 "#;

@@ -17,6 +17,7 @@ mod foreign_files;
 mod foxglove;
 mod fuzz;
 mod hardware;
+mod homes;
 mod hostile;
 mod huge_messages;
 mod identities;
@@ -27,6 +28,7 @@ mod membership;
 mod nearby;
 mod obstacles;
 mod operators;
+mod params;
 mod processes;
 mod python;
 #[cfg(target_os = "linux")]

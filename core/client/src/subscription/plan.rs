@@ -98,10 +98,11 @@ const HEARD: [&str; 11] = [
 ];
 /// And those that only a router without identities passes on: what people publish, and whatever else somebody should
 /// publish on keys that are for questions.
-const UNGUARDED: [&str; 8] = [
+const UNGUARDED: [&str; 9] = [
     any::TELEOP,
     any::ESTOP,
     any::CMD,
+    any::PARAM,
     any::LOG,
     any::ABOUT,
     any::SIM_ROSTER,

@@ -107,7 +107,7 @@ impl Dispatcher {
         busy
     }
 
-    fn is_free(&self, now_ms: u64, robot: &TrackedRobot) -> bool {
+    pub(super) fn is_free(&self, now_ms: u64, robot: &TrackedRobot) -> bool {
         self.store.on(&robot.name).is_none()
             && !self.writes.has_robot(&robot.name)
             && robot.pending.is_none()
@@ -117,7 +117,7 @@ impl Dispatcher {
     }
 
     /// Why it is no robot of the fleet, as far as that is known: states alone anything may send.
-    fn membership(&self, robot: &TrackedRobot) -> Result<(), String> {
+    pub(super) fn membership(&self, robot: &TrackedRobot) -> Result<(), String> {
         if self.has_presence && !robot.alive {
             return Err("not present".to_owned());
         }
@@ -129,7 +129,7 @@ impl Dispatcher {
 
     /// Whether a task may be given to a robot now. After a start, one that was on a robot before waits
     /// for that robot to be heard: it may come back with the drive done.
-    fn is_allocatable(&self, now_ms: u64, task: &Task) -> bool {
+    pub(super) fn is_allocatable(&self, now_ms: u64, task: &Task) -> bool {
         let heard = now_ms >= self.started_ms + self.settings.start_ms
             || task.last.as_ref().is_none_or(|last| {
                 self.robots.get(&last.robot).is_some_and(|robot| robot.is_online(now_ms, &self.settings))

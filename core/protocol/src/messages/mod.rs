@@ -17,6 +17,7 @@ mod log;
 mod map;
 mod nav;
 mod near;
+mod param;
 mod places;
 mod request;
 mod sensors;
@@ -53,6 +54,10 @@ pub use nav::{
     TrafficState,
 };
 pub use near::{NearRole, NearState, NearWay};
+pub use param::{
+    MAX_PARAM_CHANGES, MAX_PARAMS, ParamBody, ParamCareful, ParamChange, ParamCode, ParamError, ParamInfo,
+    ParamList, ParamOutcome, ParamReply, ParamRequest, ParamValue, ParamWhen,
+};
 pub use places::{FleetPlaces, MAX_PLACE_TAGS, MAX_PLACES, MapPlace, PlaceKind, PlaceNameError, place_name};
 pub use request::{
     Body, Done, ErrorBody, Estop, Estopped, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint,

@@ -52,13 +52,14 @@ const PUTS: [(&str, &[Role]); 23] = [
     ("sim/truth", &[Role::Simulator]),
 ];
 /// Questions that nobody may ask but these.
-const QUESTIONS: [(&str, &[Role]); 9] = [
+const QUESTIONS: [(&str, &[Role]); 10] = [
     // steal the lease; command under the holder's; log and tasks under another's name
     ("xtb-1/cmd/alice", &[Role::Operator]),
     ("*/cmd/alice", &[Role::Operator]),
     ("xtb-1/cmd/nobody", &[]),
     ("xtb-1/cmd/*", &[]),
     ("xtb-1/log/alice", &[Role::Operator]),
+    ("xtb-1/param/alice", &[Role::Operator]),
     ("xtb-1/estop/alice", &[Role::Operator]),
     ("dispatch/cmd/alice", &[Role::Operator]),
     ("dispatch/standby/dispatch", &[Role::Dispatcher]),
@@ -104,7 +105,7 @@ async fn victims(pki: &Pki, router: &str, effects: &Effects) -> Vec<Box<dyn std:
                 "map",
                 "*/near/x0y0",
             ][..],
-            &["xtb-1/cmd/*", "xtb-1/log/*", "xtb-1/estop/*", "xtb-1/state"][..],
+            &["xtb-1/cmd/*", "xtb-1/log/*", "xtb-1/param/*", "xtb-1/estop/*", "xtb-1/state"][..],
         ),
         (
             "archive",

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 /// Channels of a robot.
-const ROBOT: [&str; 22] = [
+const ROBOT: [&str; 23] = [
     "alive",
     "state",
     "sensors",
@@ -24,6 +24,7 @@ const ROBOT: [&str; 22] = [
     "cmd/alice",
     "cmd/*",
     "log/alice",
+    "param/alice",
     "teleop/alice",
     "estop/alice",
     "estop/*",

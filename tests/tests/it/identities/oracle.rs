@@ -42,20 +42,20 @@ const LOOK: &[Line] = &[
 const STOP: &[Line] =
     &[("in", "put query", "*/estop/me"), ("in", "put", "all/estop/me"), ("out", "reply", "*/estop/me")];
 const DRIVE: &[Line] = &[
-    ("in", "query", "*/{cmd,estop,log}/me dispatch/{cmd,standby}/me"),
+    ("in", "query", "*/{cmd,estop,log,param}/me dispatch/{cmd,standby}/me"),
     ("in", "put", "*/{teleop,estop}/me all/estop/me"),
-    ("out", "reply", "*/{cmd,estop,log}/me dispatch/{cmd,standby}/me"),
+    ("out", "reply", "*/{cmd,estop,log,param}/me dispatch/{cmd,standby}/me"),
 ];
 const ROBOT: &[Line] = &[
     ("in", "put", "n/{state,state/json,sensors,event,near/*,event/@adv/**,event/json,event/json/@adv/**}"),
-    ("in", "declare_queryable", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event/json/@adv/**}"),
-    ("in", "reply", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event,event/json/@adv/**,event/json}"),
+    ("in", "declare_queryable", "n/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event/json/@adv/**}"),
+    ("in", "reply", "n/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event,event/json/@adv/**,event/json}"),
     ("in", "liveliness_token", "n/{alive,event/@adv/**,event/json/@adv/**}"),
     ("in", "declare_subscriber", "n/{teleop/*,estop/*,fix,route} all/estop/* map */near/*"),
     ("in", "query", "n/state map"),
     ("in", "liveliness_query", "n/alive"),
     ("out", "put", "n/{teleop/*,fix,route} */estop/* all/estop/* map */near/*"),
-    ("out", "query", "{n,*}/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event/json/@adv/**}"),
+    ("out", "query", "{n,*}/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event/json/@adv/**}"),
     ("out", "reply", "n/state map"),
     ("out", "liveliness_token", "n/alive"),
 ];

@@ -55,6 +55,8 @@ pub(super) struct Round<'a> {
     leaving: usize,
     /// Robots that were sent away in this round.
     sent: BTreeSet<Name>,
+    /// Drives that end in this round.
+    cancelled: BTreeSet<TaskId>,
     decisions: Vec<Decision>,
     stays: BTreeMap<Name, String>,
 }
@@ -77,6 +79,7 @@ impl<'a> Round<'a> {
             resting: resting(of, now_ms),
             leaving: of.robots.values().filter(|robot| leaves(of, robot)).count(),
             sent: BTreeSet::new(),
+            cancelled: BTreeSet::new(),
             decisions: Vec::new(),
             stays: BTreeMap::new(),
             of,
@@ -183,7 +186,9 @@ impl<'a> Round<'a> {
         }
         let charge = &robot.charge;
         if self.is_dock_of(place, name) {
-            let is_charged = charge.need.is_none() && charge.visit.is_none() && charge.is_enough(self.rules);
+            // One that has not been heard yet, or does not measure it, may be empty.
+            let is_full = charge.volts.is_some() && charge.is_enough(self.rules);
+            let is_charged = charge.need.is_none() && charge.visit.is_none() && is_full;
             return is_charged.then(|| "its battery is charged".to_owned());
         }
         let works = self.of.store.on(name).is_some_and(|task| !self.of.is_own(task));
@@ -204,7 +209,7 @@ impl<'a> Round<'a> {
     }
 
     fn cancel(&mut self, task: &Task, why: String) {
-        if !self.of.writes.has_task(task.id) {
+        if !self.of.writes.has_task(task.id) && self.cancelled.insert(task.id) {
             self.decisions.push(Decision::Cancel { task: task.id, why });
         }
     }
