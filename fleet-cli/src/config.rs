@@ -1,16 +1,21 @@
-//! The fleet config: an optional TOML file with the fleet's name, routers and roster.
+//! The fleet config: an optional TOML file with the fleet's name, routers and roster, and where robots go by
+//! themselves.
 
 use crate::nearest::nearest;
 use robot_agent::files;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 use xtb_client::{Error, ErrorKind, Result};
+use xtb_control::config::{ConfigError, validate};
 use xtb_control::frames::MapPose;
+use xtb_dispatch::{HomeRules, HomeSettings};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{MAX_COORDINATE_M, RosterEntry};
+use xtb_protocol::messages::{MAX_COORDINATE_M, RosterEntry, place_name};
 
-const TOP: [&str; 3] = ["fleet", "connect", "robots"];
+const TOP: [&str; 4] = ["fleet", "connect", "robots", "home"];
+const HOME: [&str; 4] = ["now_margin_v", "resume_margin_v", "park_after_s", "robots"];
 const ROBOT: [&str; 3] = ["name", "tags", "start_pose"];
 const POSE: [&str; 3] = ["x_m", "y_m", "yaw_rad"];
 
@@ -24,6 +29,25 @@ pub struct FleetConfig {
     pub connect: Vec<String>,
     /// Which robots should be there.
     pub robots: Vec<RosterEntry>,
+    /// When the dispatcher sends robots to docks and parking places; `None` = never.
+    pub home: Option<HomeConfig>,
+}
+
+/// The section `home`.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(default)]
+pub struct HomeConfig {
+    /// When.
+    #[serde(flatten)]
+    pub settings: HomeSettings,
+    /// Robots with a place of their own, and that place.
+    pub robots: BTreeMap<Name, Name>,
+}
+
+impl From<HomeConfig> for HomeRules {
+    fn from(HomeConfig { settings, robots }: HomeConfig) -> Self {
+        Self { settings, homes: robots }
+    }
 }
 
 impl FleetConfig {
@@ -66,6 +90,15 @@ impl FleetConfig {
                 in_range(&format!("robots[{i}].start_pose"), &pose)?;
             }
         }
+        if let Some(home) = &config.home {
+            let invalid = |error: ConfigError| Error::new(ErrorKind::Config, error.to_string());
+            validate(&home.settings.parameters()).map_err(invalid)?;
+            for (robot, place) in &home.robots {
+                place_name(place.as_str()).map_err(|error| {
+                    Error::new(ErrorKind::Config, format!("home.robots.{robot}: {error}"))
+                })?;
+            }
+        }
         Ok(config)
     }
 }
@@ -94,6 +127,9 @@ fn default_path() -> Option<PathBuf> {
 /// Serde would name an unknown key, but not the one that was meant.
 fn known_keys(top: &Table) -> Result<()> {
     check(top, "", &TOP)?;
+    if let Some(home) = top.get("home").and_then(Value::as_table) {
+        check(home, "home.", &HOME)?;
+    }
     let robots = top.get("robots").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
     for (i, robot) in robots.iter().enumerate() {
         let Some(robot) = robot.as_table() else { continue };
@@ -145,11 +181,32 @@ mod tests {
             ("conect = []", "unknown key conect", "did you mean connect?"),
             ("[[robots]]\nnme = 'a'", "unknown key robots[0].nme", "did you mean robots[0].name?"),
             ("[[robots]]\nname = 'a'\nstart_pose = { x = 1 }", "robots[0].start_pose.x", "x_m"),
-            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots"),
+            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots, home"),
         ] {
             let failure = FleetConfig::parse(text).unwrap_err();
             assert!(failure.message.contains(key), "{failure:?}");
             assert!(failure.hint.contains(hint), "{failure:?}");
+        }
+    }
+
+    #[test]
+    fn the_rules_for_docks_are_read_with_their_usual_values() {
+        let read = |text: &str| FleetConfig::parse(text).unwrap().home;
+        assert_eq!(read(""), None);
+        let usual = HomeRules::from(read("[home]").unwrap());
+        assert_eq!(usual, HomeRules::default());
+        let home = read("[home]\npark_after_s = 120\n[home.robots]\nxtb-1 = 'dock-1'").unwrap();
+        assert_eq!(home.settings.park_after_s, 120.0);
+        assert_eq!(home.settings.resume_margin_v, usual.settings.resume_margin_v);
+        assert_eq!(HomeRules::from(home).homes.values().next().unwrap().as_str(), "dock-1");
+        for text in [
+            "[home]\npark_after = 3",
+            "[home]\npark_after_s = -1",
+            "[home]\nnow_margin_v = nan",
+            "[home.robots]\nxtb-1 = '2'",
+            "home = 3",
+        ] {
+            assert_eq!(FleetConfig::parse(text).unwrap_err().kind, ErrorKind::Config, "{text}");
         }
     }
 

@@ -9,6 +9,7 @@ use crate::config::FleetConfig;
 use crate::output::Output;
 use xtb_client::{DEFAULT_ENDPOINT, DEFAULT_FLEET, Settings};
 use xtb_client::{Error, ErrorKind, Result};
+use xtb_dispatch::HomeRules;
 use xtb_protocol::Name;
 use xtb_protocol::keys::NameError;
 
@@ -36,6 +37,8 @@ pub struct Context {
     pub settings: Settings,
     /// Whether `--connect` stands on the command line (`sim` then runs no router of its own).
     pub connect_given: bool,
+    /// Where robots go by themselves, as the config says; `None` = it does not.
+    pub home: Option<HomeRules>,
     /// Where and how to print.
     pub out: Output,
 }
@@ -76,7 +79,14 @@ impl Context {
             timeout: global.timeout,
             robots: config.robots,
         };
-        Ok(Self { settings, connect_given: global.connect_given, out })
+        let home = config.home.map(HomeRules::from);
+        Ok(Self { settings, connect_given: global.connect_given, home, out })
+    }
+
+    /// When a dispatcher sends robots to docks: as the config says, or as usual if it is `wanted` on the command line.
+    #[must_use]
+    pub fn home_rules(&self, wanted: bool) -> Option<HomeRules> {
+        self.home.clone().or_else(|| wanted.then(HomeRules::default))
     }
 
     /// The same with other settings.
@@ -114,6 +124,6 @@ impl Context {
     /// As the client was opened, printing JSON.
     pub(crate) fn of(client: &xtb_client::Client) -> Self {
         let out = Output { json: true, colors: false };
-        Self { settings: client.settings().clone(), connect_given: false, out }
+        Self { settings: client.settings().clone(), connect_given: false, home: None, out }
     }
 }

@@ -47,6 +47,7 @@ impl From<ErrorKind> for Exit {
             | ErrorKind::NotAdmitted
             | ErrorKind::NotDispatched(DispatchCode::Unconfirmed) => Self::Unknown,
             ErrorKind::Refused(_)
+            | ErrorKind::ParamRefused(_)
             | ErrorKind::NotDispatched(_)
             | ErrorKind::NotAllowed
             | ErrorKind::PortTaken

@@ -9,14 +9,14 @@ use crate::clock::Clock;
 use crate::fast_path::{ESTOPS, EstopCall, Response};
 use crate::hardware::Hardware;
 use crate::hardware::lines::Lines;
-use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, Waiting};
+use crate::mailbox::{LineNote, LoopEnds, NAV_INPUTS, NavInput, ParamJob, Waiting};
 use crate::planner_worker::PlannerWorker;
 use crate::recorder::Recorder;
 use crate::snapshot::Snapshot;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use xtb_control::Stamp;
-use xtb_protocol::messages::{Estopped, Latch};
+use xtb_protocol::messages::{Estopped, Latch, ParamBody, ParamOutcome};
 use xtb_robot::Robot;
 use xtb_robot::robot::TURN_NS;
 
@@ -134,6 +134,21 @@ impl ControlLoop {
             let reply = self.robot.request(now, job.arrival, &job.client, &job.request);
             room.send((job.answer, Response::Reply(reply)));
         }
+        while let Ok(values) = ends.saved.try_recv() {
+            self.robot.agent_mut().params_saved(&values);
+        }
+        // One a turn is plenty.
+        if let Ok(room) = ends.replies.try_reserve()
+            && let Ok(ParamJob { client, request, answer }) = ends.params.try_recv()
+        {
+            let reply = self.robot.param(now, &client, &request);
+            let saves = matches!((&request.body, &reply.result), (ParamBody::Save {}, ParamOutcome::Ok(_)));
+            let response = match saves {
+                true => Response::Save(reply, self.robot.agent().params_to_save()),
+                false => Response::Param(reply),
+            };
+            room.send((answer, response));
+        }
         if let Some(Waiting { at, arrival, client, setpoint }) = ends.setpoint.take() {
             self.robot.agent_mut().setpoint(now, at, arrival, &client, &setpoint);
         }
@@ -204,6 +219,11 @@ impl ControlLoop {
             let state = self.robot.state(now, rejected);
             let (sensors, motion) = (self.robot.sensors(now), self.robot.motion(now));
             self.ends.snapshot.send_replace(Some(Snapshot { state, sensors, motion }));
+        }
+        while let Some(change) = self.robot.agent_mut().next_param_change() {
+            if let Some(recorder) = &self.recorder {
+                recorder.push_param(now, change);
+            }
         }
         while let Some(event) = self.robot.agent_mut().next_event() {
             if let Some(recorder) = &self.recorder {

@@ -1,26 +1,32 @@
-//! Requests, setpoints and emergency stops from Zenoh to the [`Inbox`], and replies back.
+//! Requests, questions about settings, setpoints and emergency stops from Zenoh to the [`Inbox`], and replies back.
 //!
 //! The callbacks run on Zenoh's threads and never wait: they decode, check and hand over.
 
 use crate::fast_path::{Answer, Response};
 use crate::inbox::Inbox;
+use crate::settings_file::{self, Change};
+use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
 use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Incoming, Question, Service, Subscription};
 use xtb_protocol::keys::{FleetKeys, Key, Name, RobotKeys};
-use xtb_protocol::messages::{Estop, RejectCode, Reply, Request, Setpoint};
+use xtb_protocol::messages::{
+    Estop, ParamCode, ParamOutcome, ParamReply, ParamRequest, ParamValue, RejectCode, Reply, Request, Setpoint,
+};
 use xtb_protocol::wire::CodecError;
 use xtb_protocol::{Uuid, codec};
 
 /// Holds the declarations; dropping it ends them.
 pub(crate) struct Downlink {
     _requests: Service,
+    _params: Service,
     _setpoints: Subscription,
     _estops: [Subscription; 2],
     _estops_asked: Service,
 }
 
-/// Declares `cmd/*`, `teleop/*` and `estop/*`, its own and everybody's.
+/// Declares `cmd/*`, `param/*`, `teleop/*` and `estop/*`, its own and everybody's.
 ///
 /// # Errors
 /// [`BusError`].
@@ -39,10 +45,18 @@ pub(crate) async fn declare(
     let asked = bus.serve(&keys.estop(None), move |question| of_estops.estop_asked(question)).await?;
     let of_requests = reader();
     let requests = bus.serve(&keys.cmd(None), move |question| of_requests.request(question)).await?;
+    let of_params = reader();
+    let params = bus.serve(&keys.param(None), move |question| of_params.param(question)).await?;
     let of_setpoints = reader();
     let setpoints =
         bus.subscribe(&keys.teleop(None), move |incoming| of_setpoints.setpoint(&incoming)).await?;
-    Ok(Downlink { _requests: requests, _setpoints: setpoints, _estops: [own, all], _estops_asked: asked })
+    Ok(Downlink {
+        _requests: requests,
+        _params: params,
+        _setpoints: setpoints,
+        _estops: [own, all],
+        _estops_asked: asked,
+    })
 }
 
 /// Who put this. The bus lets only keys in that name their client.
@@ -114,6 +128,27 @@ impl Reader {
     }
 }
 
+impl Reader {
+    fn param(&self, question: Question) {
+        let Some(client) = question.client().cloned() else { return };
+        let key = self.keys.param(Some(&client));
+        match question.decode::<ParamRequest>() {
+            Ok((request, format)) => {
+                let answer = Answer::Asked { question: Box::new(question), key, format };
+                self.inbox.param(client, request, answer);
+            }
+            Err(error) => {
+                self.inbox.counters.rejected(&error);
+                let format = question.likely_format::<ParamRequest>();
+                let hint = "docs/protocol.md has the messages";
+                let reply = ParamReply::refused(Uuid::nil(), ParamCode::Malformed, error.to_string(), hint);
+                let answer = Answer::Asked { question: Box::new(question), key, format };
+                self.inbox.reply_param(answer, reply);
+            }
+        }
+    }
+}
+
 fn refusal(error: &CodecError) -> Reply {
     let hint = match error.code() {
         RejectCode::Malformed => {
@@ -130,8 +165,42 @@ fn refusal(error: &CodecError) -> Reply {
     Reply::refused(Uuid::nil(), error.code(), error.to_string(), hint)
 }
 
+/// Where settings are saved, and who has to know of it.
+#[derive(Clone)]
+pub(crate) struct Saving {
+    /// The robot's settings file; `None` = it was started without one.
+    pub(crate) file: Option<PathBuf>,
+    /// To the control loop.
+    pub(crate) saved: SyncSender<Vec<ParamValue>>,
+}
+
+impl Saving {
+    /// Writes these, and answers what has come of it.
+    async fn save(&self, reply: ParamReply, values: Vec<ParamValue>) -> ParamReply {
+        let Some(file) = self.file.clone() else {
+            let hint = "start robot-agent with --config FILE to have settings saved there";
+            let message = "this robot was started without a settings file";
+            return ParamReply::refused(reply.id, ParamCode::NoFile, message, hint);
+        };
+        let changes: Vec<Change> = values.iter().map(|value| Change::new(&value.name, value.value)).collect();
+        let written = tokio::task::spawn_blocking(move || settings_file::write(&file, &changes)).await;
+        let failed = match written {
+            Ok(Ok(())) => {
+                let ParamOutcome::Ok(mut list) = reply.result else { return reply };
+                list.params.iter_mut().for_each(|param| param.saved = param.value);
+                let _ = self.saved.try_send(values);
+                return ParamReply { result: ParamOutcome::Ok(list), ..reply };
+            }
+            Ok(Err(error)) => error.to_string(),
+            Err(error) => error.to_string(),
+        };
+        let hint = "nothing was written; the settings in force stay as they are";
+        ParamReply::refused(reply.id, ParamCode::SaveFailed, failed, hint)
+    }
+}
+
 /// Sends replies until the loop's end is gone.
-pub(crate) async fn send_replies(mut replies: mpsc::Receiver<(Answer, Response)>) {
+pub(crate) async fn send_replies(mut replies: mpsc::Receiver<(Answer, Response)>, saving: Saving) {
     while let Some((answer, response)) = replies.recv().await {
         let (question, key, format) = match answer {
             Answer::Asked { question, key, format } => (question, key, format),
@@ -143,6 +212,18 @@ pub(crate) async fn send_replies(mut replies: mpsc::Receiver<(Answer, Response)>
         let sent = match response {
             Response::Reply(reply) => question.reply(&key, &reply, format).await,
             Response::Estopped(estopped) => question.reply(&key, &estopped, format).await,
+            Response::Param(reply) => question.reply(&key, &reply, format).await,
+            Response::Save(reply, values) => {
+                // No other answer waits for the disk.
+                let saving = saving.clone();
+                tokio::spawn(async move {
+                    let reply = saving.save(reply, values).await;
+                    if let Err(error) = question.reply(&key, &reply, format).await {
+                        tracing::debug!("cannot send a reply: {error}");
+                    }
+                });
+                continue;
+            }
         };
         if let Err(error) = sent {
             tracing::debug!("cannot send a reply: {error}");

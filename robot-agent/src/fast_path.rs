@@ -10,7 +10,7 @@ use tokio::sync::oneshot;
 use xtb_bus::Question;
 use xtb_control::Stamp;
 use xtb_protocol::codec::Format;
-use xtb_protocol::messages::{Estopped, Lease, Reply};
+use xtb_protocol::messages::{Estopped, Lease, ParamReply, ParamValue, Reply};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::Agent;
 use xtb_robot::agent::Arrival;
@@ -40,6 +40,10 @@ pub(crate) enum Response {
     Reply(Reply),
     /// To an emergency stop.
     Estopped(Estopped),
+    /// To a question about settings.
+    Param(ParamReply),
+    /// The same, once these have been written into the settings file.
+    Save(ParamReply, Vec<ParamValue>),
 }
 
 /// An emergency stop on its way to the loop.

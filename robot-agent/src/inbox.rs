@@ -7,13 +7,15 @@
 use crate::clock::Clock;
 use crate::counters::Counters;
 use crate::fast_path::{Answer, EstopCall, FastPath, Response};
-use crate::mailbox::{Arrivals, Job, REQUESTS, SessionEnds, SetpointSlot, Waiting};
+use crate::mailbox::{Arrivals, Job, PARAMS, ParamJob, REQUESTS, SessionEnds, SetpointSlot, Waiting};
 use crate::wake::Wake;
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
-use xtb_protocol::messages::{Body, Message, RejectCode, Reply, Request, Setpoint};
+use xtb_protocol::messages::{
+    Body, Message, ParamCode, ParamReply, ParamRequest, RejectCode, Reply, Request, Setpoint,
+};
 use xtb_protocol::{Name, Uuid};
 
 /// A part of the agent waits this long for the control loop, which answers within a turn unless it hangs.
@@ -23,6 +25,7 @@ const INSIDE_WITHIN: Duration = Duration::from_secs(1);
 pub(crate) struct Inbox {
     clock: Clock,
     requests: SyncSender<Job>,
+    params: SyncSender<ParamJob>,
     setpoint: Arc<SetpointSlot>,
     arrivals: Arc<Arrivals>,
     fast_path: Arc<FastPath>,
@@ -38,6 +41,7 @@ impl Inbox {
         Self {
             clock: clock.clone(),
             requests: ends.requests.clone(),
+            params: ends.params.clone(),
             setpoint: ends.setpoint.clone(),
             arrivals: ends.arrivals.clone(),
             fast_path: ends.fast_path.clone(),
@@ -62,6 +66,26 @@ impl Inbox {
         if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = refused {
             self.counters.overloaded();
             self.reply(job.answer, overloaded(job.request.id));
+        }
+    }
+
+    /// A question about settings, valid in itself.
+    pub(crate) fn param(&self, client: Name, request: ParamRequest, answer: Answer) {
+        self.fast_path.note_heartbeat(self.clock.now(), &client, request.lease);
+        let refused = self.params.try_send(ParamJob { client, request, answer });
+        if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = refused {
+            self.counters.overloaded();
+            let message = format!("{PARAMS} questions about settings are already waiting");
+            let hint = "try again, less often";
+            let reply = ParamReply::refused(job.request.id, ParamCode::Overloaded, message, hint);
+            self.reply_param(job.answer, reply);
+        }
+    }
+
+    /// What was refused before it reached the control loop.
+    pub(crate) fn reply_param(&self, answer: Answer, reply: ParamReply) {
+        if self.replies.try_send((answer, Response::Param(reply))).is_err() {
+            self.counters.overloaded();
         }
     }
 

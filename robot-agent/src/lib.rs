@@ -28,6 +28,7 @@ pub mod replay;
 mod ros2;
 mod session;
 mod sessions;
+pub mod settings_file;
 mod shared;
 mod snapshot;
 mod systemd;

@@ -6,6 +6,7 @@
 //! | downlink → loop | stop | 1 number, the latest wins | nothing is lost: one stop is as good as two |
 //! | downlink → loop | the holder lives | 1 time, the latest wins | – |
 //! | downlink → loop | requests | [`REQUESTS`] | refused as overloaded, counted |
+//! | downlink → loop | questions about settings | [`PARAMS`] | refused as overloaded, counted |
 //! | downlink → loop | setpoint of the holder | 1, latest wins | the older one is dropped, counted |
 //! | downlink → loop | "take a turn now" ([`Wake`]) | 1 flag | one turn sees all that has come |
 //! | Zenoh → map reader | maps, unread | 1, latest wins | the older one is dropped, counted |
@@ -28,11 +29,13 @@ use tokio::sync::{mpsc, watch};
 use xtb_control::Stamp;
 use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{Event, Fix, MapHash, Request, Route, Setpoint};
+use xtb_protocol::messages::{Event, Fix, MapHash, ParamRequest, ParamValue, Request, Route, Setpoint};
 use xtb_robot::agent::Arrival;
 
 /// Requests waiting for a turn.
 pub(crate) const REQUESTS: usize = 64;
+/// Questions about settings waiting for a turn.
+pub(crate) const PARAMS: usize = 16;
 /// Replies on their way out.
 pub(crate) const REPLIES: usize = 256;
 /// Events on their way out.
@@ -75,6 +78,16 @@ pub(crate) struct Job {
     pub(crate) client: Name,
     /// What is asked.
     pub(crate) request: Request,
+    /// How to answer.
+    pub(crate) answer: Answer,
+}
+
+/// A question about settings with where its answer goes.
+pub(crate) struct ParamJob {
+    /// Who asks.
+    pub(crate) client: Name,
+    /// What.
+    pub(crate) request: ParamRequest,
     /// How to answer.
     pub(crate) answer: Answer,
 }
@@ -140,6 +153,10 @@ impl SetpointSlot {
 pub(crate) struct LoopEnds {
     /// Requests.
     pub(crate) requests: std_mpsc::Receiver<Job>,
+    /// Questions about settings.
+    pub(crate) params: std_mpsc::Receiver<ParamJob>,
+    /// Settings that were written into the file.
+    pub(crate) saved: std_mpsc::Receiver<Vec<ParamValue>>,
     /// Setpoints.
     pub(crate) setpoint: Arc<SetpointSlot>,
     /// Poses, paths, maps.
@@ -172,6 +189,10 @@ pub(crate) struct LoopEnds {
 pub(crate) struct SessionEnds {
     /// Requests.
     pub(crate) requests: std_mpsc::SyncSender<Job>,
+    /// Questions about settings.
+    pub(crate) params: std_mpsc::SyncSender<ParamJob>,
+    /// Settings that were written into the file.
+    pub(crate) saved: std_mpsc::SyncSender<Vec<ParamValue>>,
     /// Setpoints.
     pub(crate) setpoint: Arc<SetpointSlot>,
     /// Poses, paths, maps.
@@ -204,6 +225,8 @@ pub(crate) struct SessionEnds {
 #[must_use]
 pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let (request_sender, request_receiver) = std_mpsc::sync_channel(REQUESTS);
+    let (param_sender, param_receiver) = std_mpsc::sync_channel(PARAMS);
+    let (saved_sender, saved_receiver) = std_mpsc::sync_channel(PARAMS);
     let (nav_input_sender, nav_input_receiver) = std_mpsc::sync_channel(NAV_INPUTS);
     let (reply_sender, reply_receiver) = mpsc::channel(REPLIES);
     let (event_sender, event_receiver) = mpsc::channel(EVENTS);
@@ -219,6 +242,8 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     let counters = Arc::new(Counters::default());
     let loop_ends = LoopEnds {
         requests: request_receiver,
+        params: param_receiver,
+        saved: saved_receiver,
         setpoint: setpoint.clone(),
         nav_inputs: nav_input_receiver,
         neighbours: neighbours.clone(),
@@ -235,6 +260,8 @@ pub(crate) fn mailbox() -> (LoopEnds, SessionEnds, mpsc::Receiver<LineNote>) {
     };
     let session_ends = SessionEnds {
         requests: request_sender,
+        params: param_sender,
+        saved: saved_sender,
         setpoint,
         nav_inputs: nav_input_sender,
         neighbours,

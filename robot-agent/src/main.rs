@@ -53,5 +53,5 @@ fn dispatch(args: Args) -> Result<ExitCode, Failure> {
         .code(2));
     }
     let identity = identity::of(&mut file, settings.given())?;
-    run::run(&file, identity, record.as_deref(), args.log_format)
+    run::run(&file, settings.file(), identity, record.as_deref(), args.log_format)
 }

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant, SystemTime};
 use xtb_control::Stamp;
 use xtb_control::config::render_toml;
 use xtb_protocol::keys::FleetKeys;
-use xtb_protocol::messages::Event;
+use xtb_protocol::messages::{Event, ParamChange};
 use xtb_recording::Error;
 use xtb_recording::robot::Header;
 use xtb_recording::robot::writer::{StepWriter, fresh_path};
@@ -42,6 +42,7 @@ struct Shared {
 enum Item {
     Step(Step),
     Event(Stamp, Box<Event>),
+    Param(Stamp, Box<ParamChange>),
 }
 
 /// The control loop's end.
@@ -60,6 +61,11 @@ impl Recorder {
     /// Hands an event over, as of now; never waits.
     pub(crate) fn push_event(&self, now: Stamp, event: &Event) {
         self.send(Item::Event(now, Box::new(event.clone())));
+    }
+
+    /// Hands a changed setting over, as of now; never waits.
+    pub(crate) fn push_param(&self, now: Stamp, change: ParamChange) {
+        self.send(Item::Param(now, Box::new(change)));
     }
 
     fn send(&self, item: Item) {
@@ -149,6 +155,10 @@ fn write_all(writer: &mut StepWriter, queue: &Receiver<Item>, to_sync: &SyncSend
                 writer.write_event(now, &event)?;
                 Some(now)
             }
+            Ok(Item::Param(now, change)) => {
+                writer.write_param(now, &change)?;
+                Some(now)
+            }
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return Ok(()),
         };
@@ -185,7 +195,7 @@ mod tests {
         assert_eq!(recorder.dropped(), 3);
         let numbers = queue.try_iter().map(|item| match item {
             Item::Step(step) => step.number,
-            Item::Event(..) => panic!("{item:?}"),
+            Item::Event(..) | Item::Param(..) => panic!("{item:?}"),
         });
         assert_eq!(numbers.collect::<Vec<_>>(), [0, 1]);
     }

@@ -141,8 +141,9 @@ async fn serve(
     tasks.spawn(uplink::publish_states(bus.clone(), keys.clone(), ends.snapshot.clone()));
     tasks.spawn(neighbours::tell(bus.clone(), keys.clone(), ends.snapshot.clone()));
     tasks.spawn(uplink::publish_events(bus.clone(), keys.clone(), ends.events));
+    let saving = downlink::Saving { file: config.settings_file.clone(), saved: ends.saved };
     tasks.spawn(async move {
-        downlink::send_replies(ends.replies).await;
+        downlink::send_replies(ends.replies, saving).await;
         Ok(())
     });
     let listener = Listener {

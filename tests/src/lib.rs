@@ -93,6 +93,7 @@ pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
         start_pose: MapPose::default(),
         vehicle: VehicleConfig::default(),
         record: None,
+        settings_file: None,
         realtime: false,
         ros2: None,
         world_speed: 1.0,

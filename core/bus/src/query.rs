@@ -9,7 +9,7 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{
-    DispatchReply, FleetMap, FleetPlaces, LogReply, Message, Reply, Request, Roster, StandbyReply, TaskList,
+    DispatchReply, FleetHomes, FleetMap, FleetPlaces, LogReply, Message, ParamReply, Reply, Request, Roster, StandbyReply, TaskList,
     Truth,
 };
 use xtb_protocol::wire::{self, CodecError};
@@ -27,11 +27,13 @@ const MOST_LINGERING: usize = 8;
 fn longest_bytes(channel: &Channel) -> usize {
     match channel {
         Channel::Log(_) => LogReply::MAX_BYTES,
+        Channel::Param(_) => ParamReply::MAX_BYTES,
         Channel::Map => FleetMap::MAX_BYTES,
         Channel::Places => FleetPlaces::MAX_BYTES,
         Channel::DispatchCmd(_) => DispatchReply::MAX_BYTES,
         Channel::DispatchStandby(_) => StandbyReply::MAX_BYTES,
         Channel::DispatchTasks => TaskList::MAX_BYTES,
+        Channel::DispatchHomes => FleetHomes::MAX_BYTES,
         Channel::SimTruth => Truth::MAX_BYTES,
         Channel::SimRoster => Roster::MAX_BYTES,
         Channel::Alive

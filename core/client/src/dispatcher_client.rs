@@ -16,7 +16,7 @@ use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{
     Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
-    DispatchStatus, Message, StandbyReply, StandbyRequest, Suspension, SuspensionCause, TaskChange,
+    DispatchStatus, FleetHomes, Message, StandbyReply, StandbyRequest, Suspension, SuspensionCause, TaskChange,
     TaskHistory, TaskId, TaskSpec, Waypoint,
 };
 use xtb_protocol::wire::CodecError;
@@ -169,6 +169,19 @@ impl<'a> DispatcherClient<'a> {
         };
         self.client.bus().ask_each(&key, &channel, &StandbyRequest::Status {}, within, each).await?;
         Ok(replies.into_iter().max_by_key(|reply| reply.term))
+    }
+
+    /// Which robots are at a dock or on the way to one; `None`: it does not say, because it is older than docks.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`]: Zenoh would not.
+    pub async fn homes(&self) -> Result<Option<FleetHomes>> {
+        let key = self.client.keys().dispatch_homes();
+        let answers = crate::client::get(self.client.bus(), &key, self.within(IS_THERE_WITHIN)).await?;
+        let read = |answer: &Incoming| {
+            answer.decode().inspect_err(|error| tracing::warn!("on {}: {error}", answer.key)).ok()
+        };
+        Ok(answers.iter().find_map(read))
     }
 
     /// Cancels, pauses, resumes or retries; answered when robots have confirmed, or have not in time.

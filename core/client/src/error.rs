@@ -3,7 +3,7 @@
 use crate::text::reasons;
 use std::fmt;
 use xtb_bus::BusError;
-use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, RejectCode};
+use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, ParamCode, RejectCode};
 
 /// Kinds of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +22,8 @@ pub enum ErrorKind {
     OutcomeUnknown,
     /// The robot refused.
     Refused(RejectCode),
+    /// The robot refused to change or save settings.
+    ParamRefused(ParamCode),
     /// The dispatcher refused.
     NotDispatched(DispatchCode),
     /// This client's role does not allow it; nothing was sent.
@@ -54,6 +56,7 @@ impl ErrorKind {
             Self::NoDispatcher => "no_dispatcher".into(),
             Self::OutcomeUnknown => "outcome_unknown".into(),
             Self::Refused(code) => reasons::name(&code),
+            Self::ParamRefused(code) => reasons::name(&code),
             Self::NotDispatched(code) => reasons::name(&code),
             Self::NotAllowed => "not_allowed".into(),
             Self::NotAdmitted => "not_admitted".into(),

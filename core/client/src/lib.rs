@@ -26,6 +26,7 @@
 //!   by hand.
 //! * [`stop`], [`estop`], [`reset`]: of one robot or all; each must show by its own state that it stands.
 //! * [`cars`]: what car each robot says it is, for whoever plans for others.
+//! * [`params`]: settings of running robots.
 //! * [`scene`]: the whole fleet as screens show it. [`text`]: states in words.
 //! * [`rights`]: what the client's role allows. Who may not is told at once, without a message.
 //! * [`DispatcherClient`]: tasks for whoever is free. [`map_source`]: the fleet's map.
@@ -53,6 +54,7 @@ pub mod goal;
 pub mod map_source;
 pub mod messages;
 pub mod multi_robot;
+pub mod params;
 pub mod reset;
 pub mod rights;
 pub mod scene;

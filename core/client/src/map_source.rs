@@ -51,11 +51,16 @@ async fn answers<M: Message>(bus: &Bus, key: &str, within: Duration) -> Result<V
     Ok(answers.iter().filter_map(read).collect())
 }
 
-/// Each map that is published for the fleet from now on, the newest one only, until it is dropped.
-pub struct MapSource {
-    newest: watch::Receiver<Option<Arc<FleetMap>>>,
+/// What is published for the fleet from now on, the newest one only, until it is dropped.
+pub struct Source<M> {
+    newest: watch::Receiver<Option<Arc<M>>>,
     _listening: Subscription,
 }
+
+/// Each map that is published.
+pub type MapSource = Source<FleetMap>;
+/// Each list of places that is published.
+pub type PlacesSource = Source<FleetPlaces>;
 
 impl MapSource {
     /// Subscribes.
@@ -63,18 +68,34 @@ impl MapSource {
     /// # Errors
     /// [`ErrorKind::Failed`]: Zenoh would not.
     pub async fn open(bus: &Bus, keys: &FleetKeys) -> Result<Self> {
+        Self::on(bus, &keys.map()).await
+    }
+}
+
+impl PlacesSource {
+    /// Subscribes.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Failed`]: Zenoh would not.
+    pub async fn open(bus: &Bus, keys: &FleetKeys) -> Result<Self> {
+        Self::on(bus, &keys.places()).await
+    }
+}
+
+impl<M: Message + Send + Sync + 'static> Source<M> {
+    async fn on(bus: &Bus, key: &str) -> Result<Self> {
         let (sender, newest) = watch::channel(None);
-        let each = move |incoming: Incoming| match incoming.decode::<FleetMap>() {
-            Ok(map) => drop(sender.send_replace(Some(Arc::new(map)))),
+        let each = move |incoming: Incoming| match incoming.decode::<M>() {
+            Ok(message) => drop(sender.send_replace(Some(Arc::new(message)))),
             Err(error) => tracing::warn!("on {}: {error}", incoming.key),
         };
-        let _listening = bus.subscribe(&keys.map(), each).await?;
+        let _listening = bus.subscribe(key, each).await?;
         Ok(Self { newest, _listening })
     }
 
     /// The newest one.
     #[must_use]
-    pub fn newest(&self) -> Option<Arc<FleetMap>> {
+    pub fn newest(&self) -> Option<Arc<M>> {
         self.newest.borrow().clone()
     }
 }

@@ -7,8 +7,8 @@ use thiserror::Error;
 use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, FleetPlaces, IdentityStatus, LogRequest, Message,
-    NearState, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent,
+    About, DispatchRequest, Estop, Event, Fix, FleetHomes, FleetMap, FleetPlaces, IdentityStatus, LogRequest, Message,
+    NearState, ParamRequest, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent,
     TaskList, TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
@@ -97,10 +97,14 @@ any_message! {
     StandbyRequest(StandbyRequest),
     /// What a client asks of a robot's recordings.
     LogRequest(LogRequest),
+    /// What a client asks of a robot's settings.
+    ParamRequest(ParamRequest),
     /// Whether the router admits an identity.
     Identity(IdentityStatus),
     /// The dispatcher's tasks.
     Tasks(TaskList),
+    /// Who is at a dock or on the way to one.
+    Homes(FleetHomes),
     /// A change of a task.
     TaskEvent(TaskEvent),
 }
@@ -149,6 +153,7 @@ impl AnyMessage {
             Channel::Estop(_) | Channel::EstopAll(_) => bytes.read::<Estop>()?.into(),
             Channel::Fix => bytes.read::<Fix>()?.into(),
             Channel::Log(_) => bytes.read::<LogRequest>()?.into(),
+            Channel::Param(_) => bytes.read::<ParamRequest>()?.into(),
             Channel::Route => bytes.read::<Route>()?.into(),
             Channel::Near(_) => bytes.read::<NearState>()?.into(),
             Channel::TrafficState => bytes.read::<TrafficState>()?.into(),
@@ -161,6 +166,7 @@ impl AnyMessage {
             Channel::DispatchStandby(_) => bytes.read::<StandbyRequest>()?.into(),
             Channel::Identity(_) => bytes.read::<IdentityStatus>()?.into(),
             Channel::DispatchTasks => bytes.read::<TaskList>()?.into(),
+            Channel::DispatchHomes => bytes.read::<FleetHomes>()?.into(),
             Channel::DispatchEvent => bytes.read::<TaskEvent>()?.into(),
             Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {
                 return Err(Unreadable::Presence);

@@ -6,6 +6,7 @@
 
 mod allocation;
 mod client_requests;
+mod homes;
 mod map_check;
 mod pages;
 mod robot_requests;
@@ -14,6 +15,7 @@ mod suspension;
 mod task_updates;
 
 use crate::admission::ledger_failed;
+use crate::home::HomeRules;
 use crate::settings::Settings;
 use crate::suspension::{FleetStop, KnownMap};
 use crate::task_store::record::{Entry, Record};
@@ -24,9 +26,10 @@ use crate::write_queue::{OnWritten, Write, WriteQueue};
 use client_requests::OpenRequest;
 use map_check::MapCheck;
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 use xtb_nav::Car;
 use xtb_protocol::messages::{
-    DispatchOutcome, DispatchReply, Request, RobotState, Roster, TaskEvent, TaskHistory, TaskId,
+    DispatchOutcome, DispatchReply, MapPlace, Request, RobotState, Roster, TaskEvent, TaskHistory, TaskId,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -90,6 +93,10 @@ pub struct Dispatcher {
     map: Option<KnownMap>,
     /// Tasks whose points have to be looked up on the map.
     check: Option<MapCheck>,
+    /// Where robots go by themselves; `None` = they do not.
+    home_rules: Option<Arc<HomeRules>>,
+    /// The places of the fleet's map, as somebody has said them in this run.
+    places: Option<Vec<MapPlace>>,
     requests: u64,
     next_allocation_ms: u64,
     started_ms: u64,
@@ -127,6 +134,8 @@ impl Dispatcher {
             unwritten_stop: None,
             map: None,
             check: None,
+            home_rules: None,
+            places: None,
             requests: 0,
             next_allocation_ms: 0,
             started_ms: now_ms,
@@ -218,6 +227,7 @@ impl Dispatcher {
             if now_ms >= self.next_allocation_ms {
                 self.next_allocation_ms = now_ms + self.settings.allocation_period_ms;
                 self.check_points(now_ms, travel_cost);
+                self.check_homes(now_ms, travel_cost);
                 self.allocate(now_ms, travel_cost);
             }
         }

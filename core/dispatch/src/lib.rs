@@ -16,6 +16,7 @@
 //! * [`suspension`]: which tasks no robot may be given, after a fleet stop or on another map.
 //! * [`assign`]: which robot gets which task, by [`travel_cost`]; [`predicted_free`]: when and where a busy
 //!   robot will be free.
+//! * [`home`]: when a robot goes to a dock or to a parking place by itself.
 //! * [`replication`]: when a write counts that a stand-by has to have too, and when the stand-by takes over.
 //!
 //! Times are ms since 1970 and never go back within a run; numbers for ids come in as an argument.
@@ -23,6 +24,7 @@
 pub mod admission;
 pub mod assign;
 pub mod dispatcher;
+pub mod home;
 pub mod predicted_free;
 pub mod replication;
 pub mod settings;
@@ -36,6 +38,7 @@ pub mod travel_cost;
 mod write_queue;
 
 pub use dispatcher::{Dispatcher, Effect, Ticket};
+pub use home::{HomeRules, HomeSettings};
 pub use settings::Settings;
 pub use task_store::record::{Entry, Record};
 pub use task_store::{ReplayError, TaskStore};

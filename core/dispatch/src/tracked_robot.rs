@@ -4,6 +4,7 @@ mod observed;
 
 pub use observed::{ObservedEstop, ObservedGoal, ObservedState};
 
+use crate::home::Charge;
 use crate::settings::Settings;
 use crate::transition::TaskOutcome;
 use crate::travel_cost::ANY_CAR;
@@ -135,6 +136,10 @@ pub struct TrackedRobot {
     pub uncontested_since_ms: u64,
     /// Since when it has no task.
     pub idle_since_ms: u64,
+    /// Its battery, and the dock where it stands.
+    pub charge: Charge,
+    /// Why it gets no task of anybody's for now: its battery comes first.
+    pub stays_for: Option<String>,
 }
 
 impl TrackedRobot {
@@ -167,6 +172,8 @@ impl TrackedRobot {
             stuck: None,
             uncontested_since_ms: now_ms,
             idle_since_ms: now_ms,
+            charge: Charge::default(),
+            stays_for: None,
         }
     }
 

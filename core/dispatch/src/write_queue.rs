@@ -117,6 +117,13 @@ impl WriteQueue {
         ends.any(|end| matches!(end, OnWritten::Answer { request, outcome, .. } if *request == key && submitted(outcome)))
     }
 
+    /// Whether a submission by this client is not written yet.
+    pub(crate) fn has_submission_by(&self, client: &Name) -> bool {
+        let in_flight = self.in_flight.iter().flat_map(|(_, jobs)| jobs);
+        let mut records = self.waiting.iter().chain(in_flight).flat_map(|job| &job.records);
+        records.any(|record| matches!(record, Record::Submitted { by, .. } if by == client))
+    }
+
     /// Whether the dispatcher will be suspended when everything is written; `None` = as it is.
     pub(crate) fn suspends(&self) -> Option<bool> {
         self.suspends

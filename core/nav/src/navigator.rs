@@ -114,6 +114,12 @@ impl Navigator {
         }
     }
 
+    /// Other speeds, look-ahead and tolerances from now on; what a path is followed with counts from the next path on.
+    pub fn set_settings(&mut self, settings: &NavSettings) {
+        self.settings = settings.clone();
+        self.follower = settings.follower_of(&self.vehicle);
+    }
+
     /// The map that it plans on from now on; a goal under way is planned anew. The same map again changes
     /// nothing.
     pub fn set_map(&mut self, map: Arc<PreparedMap>) {
@@ -292,7 +298,7 @@ impl Navigator {
             seen_within_ms: task.seen_within_ms(),
             vantage_allowed: task.vantages < MOST_VANTAGES,
             car: self.car,
-            cruise_mps: self.settings.drive.meeting_mps,
+            cruise_mps: self.settings.meeting_mps(),
             start,
             target: task.target,
             others: self.standing_robots(now, &start),
@@ -325,7 +331,7 @@ impl Navigator {
                 let mut following = Following::own(path, follower, to_vantage);
                 following.expects_thin = expects_thin;
                 following.seen_within_ms = task.seen_within_ms();
-                following.cruise_mps = self.settings.drive.meeting_mps;
+                following.cruise_mps = self.settings.meeting_mps();
                 following.held.purpose = purpose;
                 task.stage = Stage::Following(Box::new(following));
             }

@@ -27,6 +27,7 @@ pub const MEETING_MPS: f64 = 0.2;
 config_section! {
     /// Along a path.
     DriveSettings "navigation.drive" {
+        limit_mps: f64 = 1.0, "m/s", Range(0.1, 1.0), Ours, "Never faster than this, on planned paths or by hand, whatever else allows more. May be changed while the robot runs (`fleet-cli param`).";
         cruise_mps: f64 = CRUISE_MPS, "m/s", Range(0.1, 1.0), Ours, "Maximum speed, on stretches with traffic clearance.";
         meeting_mps: f64 = MEETING_MPS, "m/s", Range(0.1, 0.5), Ours, "Maximum speed without traffic control: two robots that meet each need their own stopping distance.";
         look_ahead_m: f64 = 0.22, "m", Range(0.15, 0.6), Ours, "Look-ahead at standstill: pose errors decay over about this distance.";
@@ -147,6 +148,18 @@ impl NavSettings {
         Ok(())
     }
 
+    /// Fastest on a stretch that traffic control has released, in m/s.
+    #[must_use]
+    pub fn cruise_mps(&self) -> f64 {
+        self.drive.cruise_mps.min(self.drive.limit_mps)
+    }
+
+    /// Fastest without traffic control, in m/s.
+    #[must_use]
+    pub fn meeting_mps(&self) -> f64 {
+        self.drive.meeting_mps.min(self.drive.limit_mps)
+    }
+
     /// For the follower of this vehicle: its servos turn as fast as an XTB's, so a wider lock takes longer.
     #[must_use]
     pub fn follower_of(&self, vehicle: &VehicleConfig) -> FollowerSettings {
@@ -197,7 +210,7 @@ impl NavSettings {
     pub fn uncertainty_limits(&self, car: &Car) -> UncertaintyLimits {
         let PoseSettings { slow_part, stop_part, least_mps, .. } = self.pose;
         let reach_m = libm::round(car.reach_m() * 100.0) / 100.0;
-        UncertaintyLimits { slow_part, stop_part, cruise_mps: self.drive.cruise_mps, least_mps, reach_m }
+        UncertaintyLimits { slow_part, stop_part, cruise_mps: self.cruise_mps(), least_mps, reach_m }
     }
 }
 

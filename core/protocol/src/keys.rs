@@ -216,6 +216,9 @@ channels! {
     robot by client { // xtb/<fleet>/<robot>/…/<client>, so that identities can be bound to it one day
         /// [`Request`](crate::messages::Request) → [`Reply`](crate::messages::Reply).
         Cmd: cmd, CMD, "cmd", RELIABLE;
+        /// [`ParamRequest`](crate::messages::ParamRequest) → [`ParamReply`](crate::messages::ParamReply): settings
+        /// that may change while the robot runs.
+        Param: param, PARAM, "param", RELIABLE;
         /// [`LogRequest`](crate::messages::LogRequest) → [`LogReply`](crate::messages::LogReply): the robot's
         /// recordings, asked for piece by piece.
         Log: log, LOG, "log", BULK;
@@ -237,6 +240,8 @@ channels! {
         DispatchAlive: dispatch_alive, DISPATCH_ALIVE, "dispatch/alive", RELIABLE;
         /// [`TaskList`](crate::messages::TaskList), queryable.
         DispatchTasks: dispatch_tasks, DISPATCH_TASKS, "dispatch/tasks", RELIABLE;
+        /// [`FleetHomes`](crate::messages::FleetHomes): who is at a dock or on the way to one, queryable.
+        DispatchHomes: dispatch_homes, DISPATCH_HOMES, "dispatch/homes", RELIABLE;
         /// [`TaskEvent`](crate::messages::TaskEvent), each change of a task; recoverable.
         DispatchEvent: dispatch_event, DISPATCH_EVENT, "dispatch/event", RELIABLE;
         /// [`Truth`](crate::messages::Truth) of the simulator, JSON, 20 Hz while somebody listens.
@@ -361,6 +366,7 @@ mod tests {
             (robot.route(), Channel::Route),
             (robot.near(FloorCell::at(-1.0, 9.0)), Channel::Near(FloorCell { column: -1, row: 1 })),
             (robot.cmd(Some(&client)), Channel::Cmd(client.clone())),
+            (robot.param(Some(&client)), Channel::Param(client.clone())),
             (robot.log(Some(&client)), Channel::Log(client.clone())),
             (robot.teleop(Some(&client)), Channel::Teleop(client.clone())),
             (robot.estop(Some(&client)), Channel::Estop(client.clone())),
@@ -375,6 +381,7 @@ mod tests {
             (fleet.identity(Some(&client)), Channel::Identity(client.clone())),
             (fleet.dispatch_tasks(), Channel::DispatchTasks),
             (fleet.dispatch_event(), Channel::DispatchEvent),
+            (fleet.dispatch_homes(), Channel::DispatchHomes),
             (fleet.sim_truth(), Channel::SimTruth),
             (fleet.sim_roster(), Channel::SimRoster),
             (fleet.sim_stats(), Channel::SimStats),

@@ -5,7 +5,7 @@
 use serde::{Serialize, de::DeserializeOwned};
 use xtb_control::Mode;
 use xtb_protocol::messages::{
-    BatteryLevel, DispatchCode, Fault, GoalStatus, Latch, LogCode, MapCell, RejectCode, Rejected, StopReason,
+    BatteryLevel, DispatchCode, Fault, GoalStatus, HomeStatus, Latch, LogCode, MapCell, ParamCode, RejectCode, Rejected, StopReason,
     TaskState,
 };
 
@@ -43,7 +43,9 @@ fn every_code_mode_status_reason_latch_and_fault_is_in_its_table() {
     knows::<Fault>("### Faults");
     knows::<TaskState>("## Dispatch");
     knows::<DispatchCode>("## Dispatch");
+    knows::<HomeStatus>("## Dispatch");
     knows::<LogCode>("## Recordings");
+    knows::<ParamCode>("## Settings");
 }
 
 #[test]

@@ -38,6 +38,8 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 pub const CONFIG: &str = "config";
 /// The topic of decisions.
 pub const OUTPUTS: &str = "outputs";
+/// The topic of settings that were changed while the robot ran.
+pub const PARAMS: &str = "params";
 
 /// The first message of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -188,7 +190,7 @@ impl Recording {
             };
             let bad = |reason: &str| Error::Message { number: self.messages, reason: reason.into() };
             let (number, rest) = number_of(&message).ok_or_else(|| bad("a message without its number"))?;
-            if topic == events::EVENTS {
+            if topic == events::EVENTS || topic == PARAMS {
                 continue;
             }
             if topic != OUTPUTS {

@@ -16,6 +16,7 @@ mod leases;
 mod navigate;
 mod next_leg;
 mod odometry;
+mod params;
 mod pose;
 mod requests;
 mod setpoints;
@@ -105,6 +106,7 @@ pub struct Agent {
     filter: PoseFilter,
     odometry_scale: OdometryScale,
     nav: Navigator,
+    params: params::Params,
     lead: navigate::Lead,
     guards: Guards,
     lease: LeaseBook,
@@ -176,6 +178,7 @@ impl Agent {
             filter: pose::filter(vehicle, &NavSettings::default(), &identity),
             odometry_scale: OdometryScale::default(),
             nav: Navigator::new(vehicle, &NavSettings::default()),
+            params: params::Params::new(vehicle, &NavSettings::default()),
             lead: navigate::Lead::default(),
             guards: Guards::default(),
             lease: LeaseBook::new(identity.epoch),
@@ -222,6 +225,7 @@ impl Agent {
     pub fn set_navigation(&mut self, vehicle: &VehicleConfig, settings: &NavSettings) {
         self.filter = pose::filter(vehicle, settings, &self.identity);
         self.nav = Navigator::new(vehicle, settings);
+        self.params = params::Params::new(vehicle, settings);
     }
 
     /// Which rules are in force; see [`Guard`].

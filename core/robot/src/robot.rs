@@ -35,7 +35,7 @@ use xtb_protocol::board::rates::PWM_EVERY_S;
 use xtb_protocol::board::{BoardStatus, Frame, FrameReader, FrameWriter};
 use xtb_protocol::gyro_3dmg::{GyroReader, GyroStarter, START_CONTINUOUS};
 use xtb_protocol::keys::Name;
-use xtb_protocol::messages::{InputAges, Reply, Request};
+use xtb_protocol::messages::{InputAges, ParamReply, ParamRequest, Reply, Request};
 
 pub use views::Readings;
 
@@ -204,6 +204,18 @@ impl Robot {
             over_speed: self.over_speed(),
         };
         self.agent.request(now, arrival, client, request, view)
+    }
+
+    /// One question of a client about settings that may change, or a change of them.
+    pub fn param(&mut self, now: Stamp, client: &Name, request: &ParamRequest) -> ParamReply {
+        let ages = self.ages(now);
+        let view = View {
+            outputs: &self.outputs,
+            ages,
+            neutral: self.neutral_since.is_some(),
+            over_speed: self.over_speed(),
+        };
+        self.agent.param(now, client, request, view)
     }
 
     /// One turn, each [`TURN_NS`], or sooner for what must not wait that long: the PWM frame for the board, if

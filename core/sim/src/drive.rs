@@ -132,10 +132,22 @@ impl Battery {
         Self { truth: truth.clone(), used_mah: 0.0, current_a: truth.electronics_a }
     }
 
-    pub(crate) fn step(&mut self, drive: &Drive, dt_s: f64) {
+    /// One step; at a dock the pack is charged until it is full, and after that only what is drawn is replaced.
+    pub(crate) fn step(&mut self, drive: &Drive, at_dock: bool, dt_s: f64) {
         let cruise = drive.wheel_mps.abs() / drive.truth.top_speed_mps * self.truth.cruise_a;
-        self.current_a = self.truth.electronics_a + cruise + drive.shortfall * self.truth.surge_a;
-        self.used_mah += self.current_a * dt_s / 3.6;
+        let drawn_a = self.truth.electronics_a + cruise + drive.shortfall * self.truth.surge_a;
+        let given_a = match at_dock {
+            false => 0.0,
+            true if self.used_mah > 0.0 => self.truth.charge_a,
+            true => drawn_a.min(self.truth.charge_a),
+        };
+        self.current_a = drawn_a - given_a;
+        self.used_mah = (self.used_mah + self.current_a * dt_s / 3.6).max(0.0);
+    }
+
+    /// How much of its charge is left, 0..=1.
+    pub(crate) fn left(&self) -> f64 {
+        (1.0 - self.used_mah / self.truth.capacity_mah).max(0.0)
     }
 
     /// So much of its charge is left, 0..=1.
@@ -145,8 +157,7 @@ impl Battery {
 
     /// Voltage at the terminals.
     pub(crate) fn volts(&self) -> f64 {
-        let left = (1.0 - self.used_mah / self.truth.capacity_mah).max(0.0);
-        let open_circuit = self.truth.empty_v + (self.truth.full_v - self.truth.empty_v) * left;
+        let open_circuit = self.truth.empty_v + (self.truth.full_v - self.truth.empty_v) * self.left();
         (open_circuit - self.current_a * self.truth.resistance_ohm).max(0.0)
     }
 
@@ -262,13 +273,32 @@ mod tests {
     fn the_battery_sags_under_load_and_empties() {
         let mut drive = drive();
         let mut battery = Battery::new(&BatteryTruth::default());
-        battery.step(&drive, DT_S);
+        battery.step(&drive, false, DT_S);
         let resting = battery.volts();
         drive.step(PwmCount::MAX, 1.0, 0.0);
-        battery.step(&drive, DT_S);
+        battery.step(&drive, false, DT_S);
         assert!(battery.volts() < resting - 1.0, "{}", battery.volts());
         battery.used_mah = 1e9;
         assert!(battery.volts() > 0.0 && battery.volts() < 6.6);
         assert!(battery.millivolts() > 4000);
+    }
+
+    #[test]
+    fn a_dock_charges_the_pack_until_it_is_full_and_its_voltage_rises() {
+        let (drive, truth) = (drive(), BatteryTruth::default());
+        let mut battery = Battery::new(&truth);
+        battery.set_left(0.5);
+        let mut charge_s = |seconds: u32| {
+            (0..seconds * 200).for_each(|_| battery.step(&drive, true, DT_S));
+            (battery.volts(), battery.left())
+        };
+        let (early_v, _) = charge_s(10);
+        let (later_v, left) = charge_s(60);
+        assert!(later_v > early_v + 0.02 && left < 0.6, "{early_v} {later_v} {left}");
+        // Half of it at what the dock gives less what the electronics draw, and a tenth more.
+        let hour_s = 3.6 * truth.capacity_mah / (truth.charge_a - truth.electronics_a);
+        let (full_v, left) = charge_s((0.6 * hour_s) as u32);
+        assert!(left > 0.9999 && (full_v - truth.full_v).abs() < 0.3, "{full_v} {left}");
+        assert!(charge_s(60).1 > 0.9999, "it stays full");
     }
 }

@@ -120,6 +120,7 @@ config_section! {
         electronics_a: f64 = 1.0, "A", Range(0.0, 50.0), Assumed, "Drawn at standstill.";
         cruise_a: f64 = 10.0, "A", Range(0.0, 200.0), Assumed, "Drawn by the motor on top of that at top speed.";
         surge_a: f64 = 40.0, "A", Range(0.0, 500.0), Assumed, "Drawn in addition when asked for top speed at a standstill.";
+        charge_a: f64 = 6.0, "A", Range(0.0, 100.0), Assumed, "What a dock gives until the pack is full (2 C, as fast chargers do).";
     }
 }
 

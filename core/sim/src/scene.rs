@@ -9,6 +9,11 @@ use crate::islands::Islands;
 use crate::step::STEP_NS;
 use crate::world::World;
 use xtb_control::units::Stamp;
+use xtb_protocol::messages::PlaceKind;
+
+/// A truck that stands so near to a dock's point is charged, in m: planned goals end within a few cm of their point, and
+/// a pose may be wrong by as much again.
+const DOCK_M: f64 = 0.3;
 
 /// A sloping rectangle of floor.
 #[derive(Debug, Clone)]
@@ -25,6 +30,8 @@ pub(crate) struct Scene {
     bounds: Vec<Bounds>,
     grid: StandingGrid,
     slopes: Vec<Slope>,
+    /// Where trucks are charged.
+    docks: Vec<(f64, f64)>,
     pub(crate) cells: Cells,
 }
 
@@ -39,8 +46,10 @@ impl Scene {
             Slope { area, rise: (cos * rise, sin * rise) }
         });
         let slopes = slopes.collect();
+        let docks = world.places().iter().filter(|place| place.kind == PlaceKind::Dock);
+        let docks = docks.map(|dock| (dock.x_m, dock.y_m)).collect();
         let bounds = boxes.iter().map(OrientedBox::bounds).collect();
-        Self { grid: StandingGrid::new(cells.clone(), &boxes), boxes, bounds, slopes, cells }
+        Self { grid: StandingGrid::new(cells.clone(), &boxes), boxes, bounds, slopes, docks, cells }
     }
 
     /// The largest sine of a slope.
@@ -97,6 +106,16 @@ impl StepContext<'_> {
 
     pub(crate) fn rise_at(&self, x_m: f64, y_m: f64) -> (f64, f64) {
         self.scene.rise_at(x_m, y_m)
+    }
+
+    /// Whether a truck is charged that stands there; it is asked where only if there are docks.
+    pub(crate) fn is_dock(&self, at_m: impl FnOnce() -> (f64, f64)) -> bool {
+        let docks = &self.scene.docks;
+        if docks.is_empty() {
+            return false;
+        }
+        let (x_m, y_m) = at_m();
+        docks.iter().any(|dock| libm::hypot(dock.0 - x_m, dock.1 - y_m) <= DOCK_M)
     }
 
     pub(crate) fn was_touched(&self, me: usize) -> bool {

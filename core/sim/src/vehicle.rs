@@ -267,6 +267,12 @@ impl Truck {
         self.battery.set_left(left);
     }
 
+    /// How much of the battery's charge is left, 0..=1.
+    #[must_use]
+    pub fn battery_left(&self) -> f64 {
+        self.battery.left()
+    }
+
     /// Voltage at the battery's terminals, in V.
     #[must_use]
     pub fn battery_v(&self) -> f64 {

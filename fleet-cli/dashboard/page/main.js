@@ -14,6 +14,7 @@ import * as panels from "./panels.js";
 import { PlaybackBar } from "./playback.js";
 import { Plots } from "./plots.js";
 import { robotList, robotPanel } from "./robots.js";
+import { speedLimit } from "./speed.js";
 import { Store, shown } from "./store.js";
 import { form, spec, taskPanel, withPoint } from "./tasks.js";
 import { theme } from "./theme.js";
@@ -280,6 +281,7 @@ function drawHeader(nowMs) {
   if (hello?.live === false) playback.begin();
   render(whoMenu(hello), byId("who"));
   render(panels.services(store), byId("services"));
+  render(speedLimit(store, (mps) => link.command({ speed_limit: { mps } }), changed), byId("speed"));
 }
 
 // How the page is connected: [words, tone, what the banner says or null].

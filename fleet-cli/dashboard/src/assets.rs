@@ -54,6 +54,7 @@ const FILES: &[Asset] = &[
     asset!("robots.js", JS),
     asset!("shapes.js", JS),
     asset!("sign_in.js", JS),
+    asset!("speed.js", JS),
     asset!("store.js", JS),
     asset!("style.css", CSS),
     asset!("tasks.js", JS),

@@ -275,6 +275,7 @@ async fn carry_out(client: &Client, known: &[Name], command: Command) -> Result<
         Command::Estop { robot } => execute::estop(client, known, robot).await,
         Command::Reset { robot } => execute::reset(client, robot).await,
         Command::ResetAll {} => execute::reset_all(client).await,
+        Command::SpeedLimit { mps } => execute::speed_limit(client, mps).await,
         Command::Submit { spec } => execute::submit(client, *spec).await,
         Command::Cancel { task } => execute::cancel(client, task).await,
         Command::Activate {} => execute::activate(client).await,

@@ -70,6 +70,11 @@ pub(super) enum Command {
     },
     /// End the latched stops of every robot that has any.
     ResetAll {},
+    /// No robot drives faster from now on.
+    SpeedLimit {
+        /// In m/s.
+        mps: f64,
+    },
     /// A task for the dispatcher.
     Submit {
         /// What.
@@ -105,6 +110,7 @@ impl Command {
             Self::Estop { .. } => "estop",
             Self::Reset { .. } => "reset",
             Self::ResetAll {} => "reset_all",
+            Self::SpeedLimit { .. } => "speed_limit",
             Self::Submit { .. } => "submit",
             Self::Cancel { .. } => "cancel",
             Self::Activate {} => "activate",
@@ -122,6 +128,7 @@ impl Command {
             | Self::Stop { .. }
             | Self::Reset { .. }
             | Self::ResetAll {}
+            | Self::SpeedLimit { .. }
             | Self::Teleop { .. }
             | Self::TeleopEnd {} => Action::Drive,
             Self::Submit { .. } | Self::Cancel { .. } | Self::Activate {} | Self::Adopt {} => {
@@ -136,6 +143,7 @@ impl Command {
             Self::Goto { robot, .. } | Self::Reset { robot } | Self::Teleop { robot, .. } => Some(robot),
             Self::Stop { robot } | Self::Estop { robot } => robot.as_ref(),
             Self::ResetAll {}
+            | Self::SpeedLimit { .. }
             | Self::Submit { .. }
             | Self::Cancel { .. }
             | Self::Activate {}
@@ -200,6 +208,7 @@ mod tests {
             r#"{"do": {"id": 2, "command": {"stop": {"robot": null}}}}"#,
             r#"{"do": {"id": 3, "command": {"estop": {"robot": "xtb-2"}}}}"#,
             r#"{"do": {"id": 4, "command": {"reset": {"robot": "xtb-2"}}}}"#,
+            r#"{"do": {"id": 4, "command": {"speed_limit": {"mps": 0.2}}}}"#,
             r#"{"do": {"id": 5, "command": {"submit": {"spec": {"kind": {"wander": {"for_s": 5}}}}}}}"#,
             r#"{"do": {"id": 6, "command": {"cancel": {"task": "t17"}}}}"#,
             r#"{"do": {"id": 7, "command": {"teleop": {"robot": "xtb-1", "take": false}}}}"#,

@@ -1,5 +1,6 @@
 //! Carrying out what a page asks for, with the code of the verbs.
 
+use futures_util::future::join_all;
 use serde::Serialize;
 use serde_json::{Value, json};
 use xtb_client::client::Client;
@@ -11,8 +12,8 @@ use xtb_client::multi_robot::{MissingInfo, StopReport, Targets};
 use xtb_client::reset::{self, ResetCandidates, ResetReport};
 use xtb_client::text::reasons;
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_client::{estop, stop};
-use xtb_protocol::messages::{DispatchBody, LinkLoss, TaskId, TaskSpec, Via};
+use xtb_client::{estop, params, stop};
+use xtb_protocol::messages::{DispatchBody, LinkLoss, ParamValue, TaskId, TaskSpec, Via};
 use xtb_protocol::{Name, Uuid};
 
 /// Where to.
@@ -76,6 +77,25 @@ pub(crate) async fn reset_all(client: &Client) -> Result<Value> {
     };
     let robots = ended.into_iter().map(told).collect::<Result<serde_json::Map<_, _>>>()?;
     Ok(json!({ "robots": robots, "unknown": unknown }))
+}
+
+/// As `param set limit_mps MPS --all`: on which robots it was set, and which refused.
+pub(crate) async fn speed_limit(client: &Client, mps: f64) -> Result<Value> {
+    const LIMIT: &str = "navigation.drive.limit_mps";
+    let robots: Vec<Name> = client.alive().await?.into_iter().collect();
+    if robots.is_empty() {
+        return Err(client.nobody());
+    }
+    let value = || vec![ParamValue { name: LIMIT.to_owned(), value: mps }];
+    let each = robots.iter().map(|robot| params::set(client, robot, value(), false));
+    let (mut set, mut refused) = (Vec::new(), serde_json::Map::new());
+    for (robot, done) in robots.iter().zip(join_all(each).await) {
+        match done {
+            Ok(_) => set.push(robot),
+            Err(error) => drop(refused.insert(robot.to_string(), error.message.into())),
+        }
+    }
+    Ok(json!({ "mps": mps, "set": set, "refused": refused }))
 }
 
 /// Submits a task; the answer has its name.

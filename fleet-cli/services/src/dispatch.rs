@@ -29,7 +29,7 @@ use xtb_bus::{Bus, Token};
 use xtb_client::client::Client;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Settings};
+use xtb_dispatch::{Dispatcher, HomeRules, Settings};
 use xtb_nav::Map;
 use xtb_protocol::messages::{DispatchStatus, Suspension, SuspensionCause, TaskList};
 use xtb_protocol::{Name, Uuid};
@@ -64,6 +64,15 @@ pub struct Counters {
     pub standby_overloaded: u64,
     /// The ledger's own.
     pub ledger: ledger::Counters,
+}
+
+/// What a dispatcher is started with beside its ledger.
+#[derive(Debug, Default)]
+pub struct Floor {
+    /// A map that this process serves; `None` = the fleet's, if it has one.
+    pub map: Option<Map>,
+    /// When robots go to docks and parking places by themselves; `None` = never.
+    pub home: Option<HomeRules>,
 }
 
 /// What it says of itself.
@@ -115,12 +124,18 @@ impl DispatchService {
     /// # Errors
     /// [`ErrorKind::Failed`]: the fleet has a dispatcher already, the ledger's entries make no sense, it is a copy,
     /// or has a stand-by that does not answer; or Zenoh would not.
-    pub async fn start(client: &Client, store: Store, map: Option<Map>, within: Duration) -> Result<Self> {
+    pub async fn start(
+        client: &Client,
+        store: Store,
+        Floor { map, home }: Floor,
+        within: Duration,
+    ) -> Result<Self> {
         store.no_copy()?;
         let now = Clock::start();
         let path = store.ledger.path().to_owned();
         let read = store.entries.len() as u64;
-        let dispatcher = recover(now.ms(), &path, store.entries)?;
+        let mut dispatcher = recover(now.ms(), &path, store.entries)?;
+        dispatcher.set_home_rules(home);
         let (bus, keys) = (client.bus(), client.keys());
         alone(bus, &keys.dispatch_alive(), within).await?;
         let token = bus.declare_alive(&keys.dispatch_alive()).await?;

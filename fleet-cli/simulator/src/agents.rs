@@ -64,6 +64,7 @@ impl RunningAgent {
             start_pose: robot.start_pose.unwrap_or_default(),
             vehicle: vehicle.clone(),
             record: settings.record.clone(),
+            settings_file: None,
             realtime: false,
             ros2: settings.ros2.map(|domain| Ros2::of(&robot.name, domain)),
             world_speed: settings.world_speed,

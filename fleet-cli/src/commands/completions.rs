@@ -35,7 +35,7 @@ _fleet-cli_live() {
                 route | patrol | remove) kind=places && break ;;
                 here) ((i == COMP_CWORD - 2)) && kind=robots; break ;;
                 task | cancel | pause | resume | retry | extend) kind=tasks && break ;;
-                status | why | wander | stop | estop | reset | teleop | top | fetch-log) kind=robots && break ;;
+                status | why | wander | stop | estop | reset | teleop | top | fetch-log | param) kind=robots && break ;;
                 dispatch) ;;
             esac
         done
@@ -47,7 +47,7 @@ complete -F _fleet-cli_live -o bashdefault -o default fleet-cli
 
 const LIVE_FISH: &str = r#"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from task cancel pause resume retry extend" -a "(fleet-cli names tasks 2>/dev/null)"
-complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why goto wander stop estop reset set-pose teleop top fetch-log; and not __fish_seen_subcommand_from dispatch" -a "(fleet-cli names robots 2>/dev/null)"
+complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why goto wander stop estop reset set-pose teleop top fetch-log param; and not __fish_seen_subcommand_from dispatch" -a "(fleet-cli names robots 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from goto set-pose route patrol" -a "(fleet-cli names places 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from remove" -a "(fleet-cli names places 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from here" -a "(fleet-cli names robots 2>/dev/null)"

@@ -266,7 +266,7 @@ mod tests {
         let mut settings = xtb_client::Settings::new("lab").unwrap();
         settings.identity =
             identity.map(|identity| Enrolled { folder: "/etc/xtb/dashboard".into(), identity });
-        Context { settings, connect_given: false, out: Output { json: true, colors: false } }
+        Context { settings, connect_given: false, home: None, out: Output { json: true, colors: false } }
     }
 
     fn identity(name: &str, role: Role, page: Option<Page>) -> Identity {

@@ -18,6 +18,7 @@ pub mod list;
 pub mod man;
 pub mod map;
 pub mod names;
+pub mod param;
 pub mod pki;
 pub mod place;
 pub mod plan;
@@ -83,6 +84,8 @@ pub enum Verb {
     Reset(reset::ResetArgs),
     /// Set the pose of a stopped robot, when its pose is uncertain or wrong.
     SetPose(set_pose::SetPoseArgs),
+    /// Show, change and save settings of running robots, such as a speed limit.
+    Param(param::ParamArgs),
     /// Drive a robot by hand.
     Teleop(teleop::TeleopArgs),
     /// Full-screen view of the fleet: map, robots, events; keys send, stop and drive.
@@ -221,6 +224,11 @@ async fn carry_out(
             let ctx = ctx()?;
             let set = set_pose::run(&ctx, &args);
             or_interrupted_saying(set, "pose not confirmed; no robot moves", SHOWS_POSE).await
+        }
+        Verb::Param(args) => {
+            let ctx = ctx()?;
+            let param = param::run(&ctx, &args);
+            or_interrupted_saying(param, "settings not confirmed", "`fleet-cli param list` shows them").await
         }
         Verb::Teleop(args) => teleop::run(&ctx()?, &args).await,
         Verb::Top(args) => top::run(&ctx()?, &args).await,

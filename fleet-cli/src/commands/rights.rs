@@ -24,6 +24,7 @@ pub fn needed(verb: &Verb) -> Option<Action> {
         | Verb::Stop(_)
         | Verb::Reset(_)
         | Verb::SetPose(_)
+        | Verb::Param(_)
         | Verb::Teleop(_) => Some(Action::Drive),
         Verb::Estop(_) => Some(Action::EmergencyStop),
         Verb::FetchLog(_) => Some(Action::FetchRecordings),

@@ -113,6 +113,10 @@ pub struct SimArgs {
     /// With --dispatch: start a new ledger; an existing one is kept as NAME.before-TIME.ledger.
     #[arg(long, requires = "dispatch")]
     pub fresh: bool,
+    /// With --dispatch: send robots to docks of the world when their battery gets low, and back to work [default: if
+    /// the fleet config has a section home].
+    #[arg(long, requires = "dispatch")]
+    pub home: bool,
     /// Stop when all tasks have ended (at least one); exit code 1 if a task failed or a truck had a contact.
     #[arg(long, requires = "dispatch")]
     pub until_done: bool,
@@ -221,7 +225,7 @@ pub async fn run(ctx: &Context, args: SimArgs) -> Result<Exit> {
         let dispatcher = match store {
             Some(store) => {
                 let ctx = identities::of(ctx, set.as_ref(), Role::Dispatcher)?;
-                Some(EmbeddedDispatcher::start(&ctx, &simulator, store).await?)
+                Some(EmbeddedDispatcher::start(&ctx, &simulator, store, ctx.home_rules(args.home)).await?)
             }
             None => None,
         };

@@ -20,7 +20,7 @@ mod truck;
 
 use super::calibrate::bench::Bench;
 use super::calibrate::console::{Console, Input};
-use super::calibrate::{calibrated, write};
+use super::calibrate::calibrated;
 use super::{Failure, print, run, tell};
 use crate::cli::{BringUpArgs, CalibrateArgs, Settings};
 use dialogue::{Chore, Question, Verdict, Wrong};
@@ -28,6 +28,7 @@ use plan::{Step, steps};
 use report::Report;
 use robot_agent::config::ConfigFile;
 use robot_agent::hardware::instruments::Instruments;
+use robot_agent::settings_file::{self, Change};
 use robot_agent::{VERSION, files};
 use session::{Event, Session, Then};
 use std::io::IsTerminal;
@@ -269,8 +270,9 @@ impl<'a> Shell<'a> {
     }
 
     fn write(&self, lengths: &[(&'static str, f64)]) -> Verdict {
-        let changes: Vec<_> = lengths.iter().map(|(key, m)| ("geometry", (*key).to_owned(), *m)).collect();
-        write::write(self.config, &changes)
+        let change = |(key, m): &(&str, f64)| Change::new(&format!("vehicle.geometry.{key}"), *m);
+        let changes: Vec<_> = lengths.iter().map(change).collect();
+        settings_file::write(self.config, &changes)
             .map_err(|error| Wrong::new(error.to_string(), "nothing was written: measure again"))?;
         let words = lengths.iter().map(|(key, m)| format!("{key} = {m}"));
         Ok(format!("written: {}", words.collect::<Vec<_>>().join(", ")))

@@ -12,7 +12,7 @@ mod plot;
 mod readings;
 mod report;
 mod sweep;
-pub(crate) mod write;
+mod write;
 
 use super::{Failure, print, print_json, run, tell};
 use crate::cli::CalibrateArgs;
@@ -23,6 +23,7 @@ use pistons::Piston;
 use report::Report;
 use robot_agent::config::ConfigFile;
 use robot_agent::hardware::instruments::Instruments;
+use robot_agent::settings_file;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use xtb_control::PwmCount;
@@ -116,8 +117,8 @@ fn offer<'a>(
 ) -> Result<Option<&'a Path>, Failure> {
     let changes = write::changes(what, fit);
     let mut question = format!("{}:\n", path.display());
-    for (section, key, value) in &changes {
-        question.push_str(&format!("  vehicle.{section}.{key} = {value:?}\n"));
+    for change in &changes {
+        question.push_str(&format!("  {change}\n"));
     }
     if !args.yes {
         if !console.is_manned() {
@@ -129,7 +130,7 @@ fn offer<'a>(
             return Ok(None);
         }
     }
-    write::write(path, &changes)
+    settings_file::write(path, &changes)
         .map_err(|error| Failure::new(error, "nothing was written; --write FILE selects another file"))?;
     tell(&format!("written to {}; a running agent uses it after its next start\n", path.display()));
     Ok(Some(path))

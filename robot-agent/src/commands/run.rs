@@ -8,7 +8,7 @@ use robot_agent::hardware::Hardware;
 use robot_agent::hardware::instruments::Instruments;
 use robot_agent::hardware::serial::{PortSettings, SerialHardware};
 use robot_agent::logging::{self, LogFormat};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 use tokio::sync::watch;
@@ -17,12 +17,14 @@ use xtb_control::vehicle::Imu;
 
 pub(crate) fn run(
     file: &ConfigFile,
+    settings_file: Option<PathBuf>,
     identity: Option<Enrolled>,
     record: Option<&Path>,
     log: LogFormat,
 ) -> Result<ExitCode, Failure> {
     let mut agent = file.agent()?;
     agent.record = record.map(Path::to_owned);
+    agent.settings_file = settings_file;
     logging::start(log, "info,zenoh=error,zenoh_transport=error");
     if let Some(identity) = &identity {
         identity::check(identity, SystemTime::now())?;

@@ -215,6 +215,8 @@ pub struct AgentConfig {
     pub ros2: Option<Ros2>,
     /// Folder for a recording of every step.
     pub record: Option<PathBuf>,
+    /// Where settings are saved that were changed while it ran; `None` = nowhere.
+    pub settings_file: Option<PathBuf>,
     /// Its control loop with real-time priority and in locked memory, where permitted. Without effect where loops
     /// share threads.
     pub realtime: bool,
@@ -355,6 +357,7 @@ impl ConfigFile {
             map: (!self.navigation.map.is_empty()).then(|| PathBuf::from(&self.navigation.map)),
             navigation,
             record: None,
+            settings_file: None,
             realtime: self.control.realtime,
             world_speed: 1.0,
         })

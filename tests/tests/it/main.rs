@@ -18,6 +18,7 @@ mod foreign_files;
 mod foxglove;
 mod fuzz;
 mod hardware;
+mod homes;
 mod hostile;
 mod huge_messages;
 mod identities;
@@ -28,6 +29,7 @@ mod membership;
 mod nearby;
 mod obstacles;
 mod operators;
+mod params;
 mod processes;
 mod python;
 #[cfg(target_os = "linux")]

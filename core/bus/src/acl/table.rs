@@ -95,6 +95,7 @@ pub(super) fn rows(kind: Kind) -> &'static [Row] {
         Kind::Fix => &[Row(Put, &[P::Fixes], &[P::Robot, P::Look])],
         Kind::Route => &[Row(Put, &[P::Traffic], &[P::Robot, P::Look])],
         Kind::Near => &[Row(Put, &[P::Robot], &[P::Neighbour, P::Look])],
+        Kind::Param => &[Row(Ask, &[P::Drive], &[P::Robot])],
         Kind::Cmd => &[Row(Ask, &[P::Drive, P::Dispatcher], &[P::Robot])],
         Kind::Log => &[Row(Ask, &[P::Drive], &[P::Robot])],
         Kind::Teleop => &[Row(Put, &[P::Drive], &[P::Robot])],
@@ -109,6 +110,7 @@ pub(super) fn rows(kind: Kind) -> &'static [Row] {
         Kind::DispatchTasks => {
             &[Row(Put, &[P::Dispatcher], &[P::Look]), Row(Ask, &[P::Look], &[P::Dispatcher])]
         }
+        Kind::DispatchHomes => &[Row(Ask, &[P::Look], &[P::Dispatcher])],
         Kind::DispatchEvent => &[Row(Event, &[P::Dispatcher], &[P::Look])],
         // Simulators of one world meet each other's robots.
         Kind::SimTruth => &[Row(Put, &[P::Simulator], &[P::Look, P::Simulator])],

@@ -8,36 +8,41 @@ use std::f64::consts::FRAC_PI_2;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, MapTravelCost, Record, Settings};
+use xtb_dispatch::{Dispatcher, Effect, Entry, HomeRules, MapTravelCost, Record, Settings};
 use xtb_nav::Car;
 use xtb_nav::rooms::Draw;
 use xtb_protocol::Name;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
-    Assignment, DispatchBody, DispatchRequest, GoalStatus, NEXT_LEG, Request, TaskId, TaskKind, TaskSpec,
+    Assignment, DispatchBody, DispatchRequest, GoalStatus, MapPlace, NEXT_LEG, Request, TaskId, TaskKind, TaskSpec,
     TaskState, Waypoint,
 };
-use xtb_sim::World;
+use xtb_sim::{STEP_NS, Sequential, World};
 
 const LEDGER: u64 = 0x1234;
+/// The dispatcher hears, decides and asks this often.
+const TICK_NS: u64 = 50_000_000;
 const EPOCH_MS: u64 = 1_800_000_000_000;
 const OPEN: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0";
 const DOOR: &str = "[room]\nwidth_m = 8.0\ndepth_m = 8.0\n\
     [[walls]]\npoints = [[-4.0, 0.0], [-0.75, 0.0]]\n[[walls]]\npoints = [[0.75, 0.0], [4.0, 0.0]]";
 
 /// A working day.
-struct Shift {
-    drive: Drive,
+pub(crate) struct Shift {
+    pub(crate) drive: Drive,
     ground: MapTravelCost,
-    dispatcher: Dispatcher,
+    pub(crate) dispatcher: Dispatcher,
     ledger: Vec<Entry>,
     draw: Draw,
     loss: f64,
     /// Dies at each so many writes; every other time after they are durable. 0 = never.
-    kill_each: u64,
+    pub(crate) kill_each: u64,
     writes: u64,
-    kills: u64,
+    pub(crate) kills: u64,
     arrivals: u64,
+    submissions: u128,
+    /// Where robots go by themselves, and the places for that.
+    pub(crate) home: Option<(HomeRules, Vec<MapPlace>)>,
     /// Goals that were seen reached.
     reached: BTreeSet<Uuid>,
 }
@@ -56,9 +61,14 @@ impl Shift {
         let starts: Vec<MapPose> = (0..robots)
             .map(|n| MapPose { x_m: n as f64 * 1.5 - 2.25, y_m: -2.5, yaw_rad: FRAC_PI_2 })
             .collect();
+        Self::of(world, fleet(world, &starts, seed), seed)
+    }
+
+    /// These robots, in this world.
+    pub(crate) fn of(world: &str, drive: Drive, seed: u64) -> Self {
         let map = World::from_toml(world).unwrap().chart(0.05).unwrap();
         let mut shift = Self {
-            drive: fleet(world, &starts, seed),
+            drive,
             ground: MapTravelCost::new(map),
             dispatcher: dispatcher(EPOCH_MS, 1, Vec::new()),
             ledger: Vec::new(),
@@ -68,21 +78,28 @@ impl Shift {
             writes: 0,
             kills: 0,
             arrivals: 1_000_000,
+            submissions: 0,
+            home: None,
             reached: BTreeSet::new(),
         };
         shift.tell_factsheets();
         shift
     }
 
-    fn now_ms(&self) -> u64 {
+    pub(crate) fn now_ms(&self) -> u64 {
         EPOCH_MS + self.drive.lockstep.now().ms()
     }
 
-    fn tell_factsheets(&mut self) {
+    /// What a dispatcher that has just begun is told of the robots, and of places.
+    pub(crate) fn tell_factsheets(&mut self) {
         let (now_ms, car) = (self.now_ms(), Car::of(&VehicleConfig::default()));
         for index in 0..self.drive.lockstep.simulation().trucks().len() {
             let name = Name::new(&format!("xtb-{}", index + 1)).unwrap();
             self.dispatcher.set_factsheet(now_ms, &name, &[NEXT_LEG.to_owned()], Some(car));
+        }
+        if let Some((rules, places)) = &self.home {
+            self.dispatcher.set_home_rules(Some(rules.clone()));
+            self.dispatcher.set_places(places);
         }
     }
 
@@ -90,18 +107,40 @@ impl Shift {
         self.draw.uniform(0.0, 1.0) < self.loss
     }
 
+    /// The same submission again and again, until it is taken.
     fn submit(&mut self, tasks: Vec<TaskSpec>) {
-        let request = DispatchRequest { id: Uuid::from_u128(1), body: DispatchBody::Submit { tasks } };
+        self.submit_as(1, tasks);
+    }
+
+    /// One submission more.
+    pub(crate) fn submit_more(&mut self, tasks: Vec<TaskSpec>) {
+        self.submissions += 1;
+        self.submit_as(self.submissions, tasks);
+    }
+
+    fn submit_as(&mut self, number: u128, tasks: Vec<TaskSpec>) {
+        let request = DispatchRequest { id: Uuid::from_u128(number), body: DispatchBody::Submit { tasks } };
         let (now_ms, client) = (self.now_ms(), Name::new("cli-7").unwrap());
         self.dispatcher.request(now_ms, 1, &client, &request, &self.ground);
     }
 
     fn step(&mut self) {
         self.drive.lockstep.step();
-        let now_ms = self.now_ms();
-        if !self.drive.lockstep.now().ns().is_multiple_of(50_000_000) {
-            return;
+        if self.drive.lockstep.now().ns().is_multiple_of(TICK_NS) {
+            self.talk();
         }
+    }
+
+    /// One tick of the dispatcher, at once.
+    pub(crate) fn tick(&mut self) {
+        let steps = (TICK_NS - self.drive.lockstep.now().ns() % TICK_NS) / STEP_NS;
+        self.drive.lockstep.run(steps, &Sequential);
+        self.talk();
+    }
+
+    /// What robots and dispatcher say to each other.
+    fn talk(&mut self) {
+        let now_ms = self.now_ms();
         let mut index = 0;
         while let Some(state) = self.drive.lockstep.state(index) {
             let goal = state.goal.iter().map(|goal| (goal.id, goal.status));
@@ -154,7 +193,7 @@ impl Shift {
         }
     }
 
-    fn contacts(&self) -> u64 {
+    pub(crate) fn contacts(&self) -> u64 {
         self.drive.lockstep.simulation().trucks().iter().map(|truck| truck.truth().contacts).sum()
     }
 

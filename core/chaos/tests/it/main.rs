@@ -19,5 +19,6 @@ mod lifelong;
 mod meetings;
 mod rooms;
 mod together;
+mod unattended;
 mod vehicles;
 mod wandering;

@@ -6,8 +6,8 @@ pub(crate) use xtb_chaos::meetings::Meeting;
 use xtb_chaos::meetings::{Judge, Setting, Sight};
 use xtb_nav::MapPose;
 use xtb_protocol::messages::{Outcome, TruthRobot};
-use xtb_sim::World;
 use xtb_sim::lockstep::Traffic;
+use xtb_sim::{TruckParameters, World};
 
 /// A turn of the witness, in s.
 const STEP_S: f64 = 0.2;
@@ -19,9 +19,14 @@ const TOLD_S: f64 = 20.0;
 
 /// Robots at the starts, and traffic control.
 pub(crate) fn fleet(world: &str, starts: &[MapPose], seed: u64) -> Drive {
+    fleet_of(world, starts, &TruckParameters::default(), seed)
+}
+
+/// The same with other trucks.
+pub(crate) fn fleet_of(world: &str, starts: &[MapPose], truck: &TruckParameters, seed: u64) -> Drive {
     let world = World::from_toml(world).unwrap();
     let map = world.chart(0.05).unwrap();
-    let mut drive = Drive::at(world, starts, seed);
+    let mut drive = Drive::of(world, starts, truck, seed);
     drive.lockstep.set_traffic(Some(Traffic::new(&map, seed)));
     drive
 }

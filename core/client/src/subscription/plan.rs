@@ -98,8 +98,17 @@ const HEARD: [&str; 11] = [
 ];
 /// And those that only a router without identities passes on: what people publish, and whatever else somebody should
 /// publish on keys that are for questions.
-const UNGUARDED: [&str; 7] =
-    [any::TELEOP, any::ESTOP, any::CMD, any::LOG, any::ABOUT, any::SIM_ROSTER, any::DISPATCH_STANDBY];
+const UNGUARDED: [&str; 9] = [
+    any::TELEOP,
+    any::ESTOP,
+    any::CMD,
+    any::PARAM,
+    any::LOG,
+    any::ABOUT,
+    any::SIM_ROSTER,
+    any::DISPATCH_STANDBY,
+    any::DISPATCH_HOMES,
+];
 
 impl Plan {
     /// The same channel by channel, and without what is published in JSON too. Of this fleet: what a router with

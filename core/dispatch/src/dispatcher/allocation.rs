@@ -11,7 +11,7 @@ use crate::write_queue::OnWritten;
 use std::collections::BTreeSet;
 use xtb_nav::Car;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{TaskId, TaskState, Who};
+use xtb_protocol::messages::{BatteryLevel, TaskId, TaskState, Who};
 
 /// How much farther a robot counts whose battery is getting low, in m.
 const LOW_BATTERY_M: f64 = 20.0;
@@ -25,7 +25,7 @@ impl Dispatcher {
     /// reserved for that one, for a while; then, any that is free and left over gets it.
     pub(super) fn allocate(&mut self, now_ms: u64, travel_cost: &dyn TravelCost) {
         self.reserved.clear();
-        if self.suspension_state().stop.is_some() {
+        if self.suspension_state().stop.is_some() || self.are_places_due(now_ms) {
             return;
         }
         let free = self.robots.values().filter(|robot| self.is_free(now_ms, robot));
@@ -55,7 +55,8 @@ impl Dispatcher {
                 let (task, robot) = (waiting[tasks[task]], robots[who[robot]]);
                 let car = robot.car.unwrap_or(widest);
                 let fits = car.core_m() <= least_m || fits(travel_cost, task, &car);
-                fits.then(|| penalty_m(task, robot)).flatten()
+                let may = robot.stays_for.is_none() || self.is_own(task);
+                (fits && may).then(|| penalty_m(task, robot)).flatten()
             };
             let pairs = assign::assign(&some_demands, &some_candidates, travel_cost, &penalty_m);
             pairs.into_iter().map(|(task, robot)| (tasks[task], who[robot])).collect()
@@ -106,7 +107,7 @@ impl Dispatcher {
         busy
     }
 
-    fn is_free(&self, now_ms: u64, robot: &TrackedRobot) -> bool {
+    pub(super) fn is_free(&self, now_ms: u64, robot: &TrackedRobot) -> bool {
         self.store.on(&robot.name).is_none()
             && !self.writes.has_robot(&robot.name)
             && robot.pending.is_none()
@@ -116,7 +117,7 @@ impl Dispatcher {
     }
 
     /// Why it is no robot of the fleet, as far as that is known: states alone anything may send.
-    fn membership(&self, robot: &TrackedRobot) -> Result<(), String> {
+    pub(super) fn membership(&self, robot: &TrackedRobot) -> Result<(), String> {
         if self.has_presence && !robot.alive {
             return Err("not present".to_owned());
         }
@@ -128,7 +129,7 @@ impl Dispatcher {
 
     /// Whether a task may be given to a robot now. After a start, one that was on a robot before waits
     /// for that robot to be heard: it may come back with the drive done.
-    fn is_allocatable(&self, now_ms: u64, task: &Task) -> bool {
+    pub(super) fn is_allocatable(&self, now_ms: u64, task: &Task) -> bool {
         let heard = now_ms >= self.started_ms + self.settings.start_ms
             || task.last.as_ref().is_none_or(|last| {
                 self.robots.get(&last.robot).is_some_and(|robot| robot.is_online(now_ms, &self.settings))
@@ -172,7 +173,8 @@ impl Dispatcher {
             let no_member = || self.membership(robot).err();
             let incapable = robot.incapable.get(&id).cloned();
             let unmeasured = || unmeasured(robot).filter(|_| measured).map(str::to_owned);
-            let reason = busy.or(incapable).or_else(unavailable).or_else(no_member).or_else(unmeasured)?;
+            let at_home = || robot.stays_for.clone().filter(|_| !self.is_own(task));
+            let reason = busy.or(incapable).or_else(unavailable).or_else(at_home).or_else(no_member).or_else(unmeasured)?;
             Some(format!("{}: {reason}", robot.name))
         });
         let mut reasons: Vec<String> = reasons.collect();
@@ -187,7 +189,7 @@ impl Dispatcher {
 
 fn candidate(robot: &TrackedRobot) -> Option<Candidate> {
     let observed = robot.observed.as_ref()?;
-    let extra_m = if observed.low_battery { LOW_BATTERY_M } else { 0.0 };
+    let extra_m = if observed.battery_level == BatteryLevel::Warn { LOW_BATTERY_M } else { 0.0 };
     Some(Candidate { pose: observed.pose, car: robot.car(), extra_m })
 }
 

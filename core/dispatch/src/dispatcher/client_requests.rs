@@ -14,6 +14,9 @@ use xtb_protocol::messages::{
 };
 use xtb_protocol::{Name, Uuid};
 
+/// Begins the reason of a task that somebody has cancelled; the name follows.
+pub(super) const CANCELLED_BY: &str = "cancelled by ";
+
 /// What shall be done with tasks.
 #[derive(Debug, Clone, PartialEq)]
 enum TaskCommand {
@@ -239,7 +242,7 @@ fn progress(now_ms: u64, command: &TaskCommand, task: &Task, by: &Name) -> Progr
         (TaskCommand::Cancel, Cancelled) => Progress::Done,
         (TaskCommand::Cancel, Done | Failed) => wrong("has already ended"),
         (TaskCommand::Cancel, Cancelling) if task.ending == Some(Ending::Cancelled) => Progress::Wait,
-        (TaskCommand::Cancel, _) => write(task.end(Ending::Cancelled), format!("cancelled by {by}")),
+        (TaskCommand::Cancel, _) => write(task.end(Ending::Cancelled), format!("{CANCELLED_BY}{by}")),
         (TaskCommand::Pause, Paused) if free => Progress::Done,
         (TaskCommand::Pause | TaskCommand::Resume, Paused) if !free => Progress::Wait,
         (TaskCommand::Pause, Cancelled | Cancelling | Done | Failed) => wrong("has ended or is ending"),

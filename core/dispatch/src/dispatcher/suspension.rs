@@ -190,6 +190,9 @@ impl Dispatcher {
         {
             view.reason = Some(cause.text());
         }
+        if view.reason.is_none() && self.is_own(task) {
+            view.reason = task.steps.iter().find_map(|step| step.reason.clone());
+        }
         view
     }
 }

@@ -36,8 +36,12 @@ pub struct ObservedState {
     pub goals: Vec<ObservedGoal>,
     /// Why it cannot drive, if so.
     pub unavailable: Option<String>,
-    /// Whether its battery is getting low.
-    pub low_battery: bool,
+    /// What its battery measures, in V; `None` = it does not.
+    pub battery_v: Option<f64>,
+    /// What that means.
+    pub battery_level: BatteryLevel,
+    /// How long it has stood, in ms; `None` = it drives.
+    pub stopped_ms: Option<u64>,
     /// An emergency stop that is latched.
     pub estop: Option<ObservedEstop>,
     /// Which map it has.
@@ -86,7 +90,9 @@ impl ObservedState {
             holder: state.lease.as_ref().map(|lease| lease.holder.clone()),
             goals: present.chain(ended).collect(),
             unavailable: unavailable(state),
-            low_battery: state.battery_level == BatteryLevel::Warn,
+            battery_v: state.battery_v,
+            battery_level: state.battery_level,
+            stopped_ms: state.stopped_age_ms,
             estop,
             map: state.nav.map.clone(),
         }

@@ -6,6 +6,7 @@ mod assigning;
 mod bench;
 mod dialogues;
 mod extend;
+mod homes;
 mod journal;
 mod life;
 mod model;

@@ -58,6 +58,10 @@ pub(crate) struct FakeRobot {
     pub(crate) finished: Vec<Finished>,
     /// Points at which every drive fails.
     pub(crate) doomed: Vec<(f64, f64)>,
+    /// What its battery measures, in V; `None` = it does not.
+    pub(crate) battery_v: Option<f64>,
+    /// What that means.
+    pub(crate) battery_level: BatteryLevel,
     /// A robot without its fence: does what it is told, in whatever order.
     pub(crate) unfenced: bool,
 }
@@ -80,8 +84,21 @@ impl FakeRobot {
             up: true,
             finished: Vec::new(),
             doomed: Vec::new(),
+            battery_v: None,
+            battery_level: BatteryLevel::Unknown,
             unfenced: false,
         }
+    }
+
+    /// From now on its battery measures this, in V; the levels are the usual ones.
+    pub(crate) fn set_battery(&mut self, volts: f64) {
+        self.battery_v = Some(volts);
+        self.battery_level = match volts {
+            ..6.6 => BatteryLevel::Critical,
+            ..6.9 => BatteryLevel::Finish,
+            ..7.2 => BatteryLevel::Warn,
+            _ => BatteryLevel::Ok,
+        };
     }
 
     pub(crate) fn reboot(&mut self) {
@@ -226,6 +243,9 @@ impl FakeRobot {
                     Ok(Known::Already) => return Ok(Done { lease: None, goal: Some(assignment.goal_id()) }),
                     Err((code, message, _)) => return Err((code, message)),
                 }
+                if self.battery_level >= BatteryLevel::Finish {
+                    return Err((RejectCode::BatteryLow, "battery too low to start a command".into()));
+                }
                 if self.latched.is_some() {
                     return Err((RejectCode::Latched, "estop".into()));
                 }
@@ -309,8 +329,8 @@ impl FakeRobot {
             steering: 0.0,
             obstacle: ObstacleView { front: Some(false), rear: Some(false) },
             tilt_deg: TiltState::default(),
-            battery_v: None,
-            battery_level: BatteryLevel::Unknown,
+            battery_v: self.battery_v,
+            battery_level: self.battery_level,
             goal: self.goal.as_ref().map(|goal| GoalState {
                 id: goal.id,
                 kind: GoalKind::Goto,
@@ -330,7 +350,7 @@ impl FakeRobot {
             latches: self.latched.map(latch).into_iter().collect(),
             nav: NavState::default(),
             stopped_because: Vec::new(),
-            stopped_age_ms: None,
+            stopped_age_ms: self.running().is_none().then_some(60_000),
             input_age_ms: InputAges::default(),
             turn_late_us: 0,
             turns_late: 0,

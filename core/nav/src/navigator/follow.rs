@@ -105,7 +105,7 @@ impl Navigator {
     /// As far and as fast as path, obstacles, other robots and the pose let it.
     fn drive_limits(&self, now: Stamp, following: &Following, allowed: UncertaintySpeed) -> DriveLimits {
         let allowed_mps = match allowed {
-            UncertaintySpeed::Full => self.settings.drive.cruise_mps,
+            UncertaintySpeed::Full => self.settings.cruise_mps(),
             UncertaintySpeed::Slow { mps } => mps,
             UncertaintySpeed::Stop => 0.0,
         };
@@ -116,9 +116,12 @@ impl Navigator {
             0 if self.guidance.is_alive(now) => 0.0,
             _ => following.release_m,
         };
+        // Both may have become lower since the path was taken up.
+        let own_mps = if following.plan == 0 { self.settings.meeting_mps() } else { f64::MAX };
+        let cruise_mps = following.cruise_mps.min(own_mps);
         DriveLimits {
             way_m: release_m.min(free_m),
-            cruise_mps: following.cruise_mps.min(allowed_mps).min(following.bend_mps(self.car.radius_m)),
+            cruise_mps: cruise_mps.min(allowed_mps).min(following.bend_mps(self.car.radius_m)),
             clearance_m: following.clearance_m,
             swing_rad: following.swing_rad(self.car.front_m),
         }

@@ -10,12 +10,14 @@ mod dispatch;
 mod event;
 mod fault;
 mod goal;
+mod home;
 mod identity;
 mod latch;
 mod log;
 mod map;
 mod nav;
 mod near;
+mod param;
 mod places;
 mod request;
 mod sensors;
@@ -39,6 +41,7 @@ pub use dispatch::{
 pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
 pub use goal::{GoalEnd, GoalKind, GoalState, GoalStatus};
+pub use home::{FleetHomes, HomeStatus, RobotHome};
 pub use identity::IdentityStatus;
 pub use latch::{Latch, LatchState, STOP_SWITCH};
 pub use log::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS, MAX_PIECE, RecordingName};
@@ -51,6 +54,10 @@ pub use nav::{
     TrafficState,
 };
 pub use near::{NearRole, NearState, NearWay};
+pub use param::{
+    MAX_PARAM_CHANGES, MAX_PARAMS, ParamBody, ParamCareful, ParamChange, ParamCode, ParamError, ParamInfo,
+    ParamList, ParamOutcome, ParamReply, ParamRequest, ParamValue, ParamWhen,
+};
 pub use places::{FleetPlaces, MAX_PLACE_TAGS, MAX_PLACES, MapPlace, PlaceKind, PlaceNameError, place_name};
 pub use request::{
     Body, Done, ErrorBody, Estop, Estopped, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint,

@@ -1,9 +1,11 @@
-//! What a robot said of itself, in its own recording: who has control, goals, latches. The ground for an audit.
+//! What a robot said of itself, in its own recording: who has control, goals, latches, changed settings. The ground for
+//! an audit.
 
-use super::{Header, Recording};
+use super::{Header, PARAMS, Recording};
 use crate::error::Error;
+use serde::de::DeserializeOwned;
 use std::path::Path;
-use xtb_protocol::messages::Event;
+use xtb_protocol::messages::{Event, ParamChange};
 
 /// The topic of events.
 pub const EVENTS: &str = "event";
@@ -25,6 +27,8 @@ pub struct Told {
     pub began_ns: u64,
     /// The events, in their order.
     pub events: Vec<(u64, Event)>,
+    /// Settings that were changed while it ran, in their order.
+    pub params: Vec<(u64, ParamChange)>,
 }
 
 /// Reads a recording's events.
@@ -35,17 +39,22 @@ pub struct Told {
 pub fn read(path: &Path) -> Result<Told, Error> {
     let mut recording = Recording::open(path)?;
     let header = recording.header().cloned().ok_or_else(|| Error::NotOfARobot("it has no header".into()))?;
-    let (mut began_ns, mut events) = (None, Vec::new());
+    let (mut began_ns, mut events, mut params) = (None, Vec::new(), Vec::new());
     while let Some((topic, log_ns, text)) = recording.next_timed()? {
         began_ns.get_or_insert(log_ns);
-        if topic != EVENTS {
-            continue;
+        match topic.as_str() {
+            EVENTS => events.extend(numbered(&text).map(|event| (log_ns, event))),
+            PARAMS => params.extend(numbered(&text).map(|change| (log_ns, change))),
+            _ => {}
         }
-        let event = super::take_number(text.strip_prefix('{').unwrap_or_default(), "n")
-            .and_then(|(_, rest)| serde_json::from_str(&format!("{{{rest}")).ok());
-        events.extend(event.map(|event| (log_ns, event)));
     }
-    Ok(Told { header, began_ns: began_ns.unwrap_or_default(), events })
+    Ok(Told { header, began_ns: began_ns.unwrap_or_default(), events, params })
+}
+
+/// What follows the number of a message.
+fn numbered<T: DeserializeOwned>(text: &str) -> Option<T> {
+    let (_, rest) = super::take_number(text.strip_prefix('{')?, "n")?;
+    serde_json::from_str(&format!("{{{rest}")).ok()
 }
 
 #[cfg(test)]
@@ -80,6 +89,14 @@ mod tests {
             tick_ms: 20,
             kind: EventKind::Lease { holder: Some(name("alice-1")) },
         };
+        let change = ParamChange {
+            tick_ms: 20,
+            age_ms: 0,
+            by: name("bob-1"),
+            name: "navigation.drive.limit_mps".into(),
+            from: 1.0,
+            to: 0.2,
+        };
         let sample = Sample::Encoder { pulses: 1 };
         for number in 0..3 {
             let t = Stamp::from_ms(10 + 10 * number);
@@ -87,12 +104,14 @@ mod tests {
             writer.write(&Step { number, t, sample, outputs }).unwrap();
             if number == 1 {
                 writer.write_event(t, &event).unwrap();
+                writer.write_param(t, &change).unwrap();
             }
         }
         writer.finish().unwrap();
         let told = read(&path).unwrap();
         assert_eq!((told.header, told.began_ns), (header, 10_000_000));
         assert_eq!(told.events, [(20_000_000, event)]);
+        assert_eq!(told.params, [(20_000_000, change)]);
         let mut recording = Recording::open(&path).unwrap();
         for number in 0..3 {
             assert_eq!(recording.next_step().unwrap().unwrap().number, number);

@@ -2,10 +2,10 @@
 //! words.
 
 use super::events::EVENTS;
-use super::{CONFIG, Header, OUTPUTS};
+use super::{CONFIG, Header, OUTPUTS, PARAMS};
 use crate::schema::{self, Schema};
 use serde_json::{Value, json};
-use xtb_protocol::messages::Event;
+use xtb_protocol::messages::{Event, ParamChange};
 use xtb_protocol::trace::{decision_schema, sample_schema};
 
 /// Kinds of samples, each with a topic of its own, and what they hold.
@@ -36,6 +36,13 @@ pub(super) fn events() -> Schema {
     let mut line = schema::generator().into_root_schema_for::<Event>().to_value();
     number(&mut line, "n", "Number of the last step before it.");
     topic(EVENTS, line)
+}
+
+/// What changed settings look like.
+pub(super) fn params() -> Schema {
+    let mut line = schema::generator().into_root_schema_for::<ParamChange>().to_value();
+    number(&mut line, "n", "Number of the last step before it.");
+    topic(PARAMS, line)
 }
 
 /// What samples of this kind look like.

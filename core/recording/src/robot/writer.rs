@@ -1,6 +1,6 @@
 //! The file of a robot's steps while it is written: its name, its header, and what a step becomes.
 
-use super::{CONFIG, Header, OUTPUTS, events, outputs_message, sample_message, schemas};
+use super::{CONFIG, Header, OUTPUTS, PARAMS, events, outputs_message, sample_message, schemas, with_number};
 use crate::error::Error;
 use crate::output::Output;
 use crate::schema::Schema;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use xtb_control::Stamp;
 use xtb_protocol::keys::{Name, RobotKeys};
-use xtb_protocol::messages::{Event, RecordingName};
+use xtb_protocol::messages::{Event, ParamChange, RecordingName};
 use xtb_protocol::trace::kind;
 use xtb_robot::step_log::Step;
 
@@ -38,6 +38,9 @@ pub struct StepWriter {
     kinds: BTreeMap<&'static str, u16>,
     outputs: u16,
     events: u16,
+    /// Settings that were changed, once there is one.
+    params: Option<u16>,
+    params_topic: String,
     /// Number of the last step.
     last: u64,
 }
@@ -66,7 +69,8 @@ impl StepWriter {
         output.message(config, 0, 0, &text)?;
         output.writer.flush()?;
         output.file.sync_all()?;
-        Ok(Self { output, kinds, outputs, events, last: 0 })
+        let params_topic = keys.record(PARAMS);
+        Ok(Self { output, kinds, outputs, events, params: None, params_topic, last: 0 })
     }
 
     /// Writes a step: its sample, and what was decided.
@@ -92,6 +96,21 @@ impl StepWriter {
     pub fn write_event(&mut self, t: Stamp, event: &Event) -> Result<(), Error> {
         let message = events::message(self.last, event).map_err(io::Error::from)?;
         self.output.message(self.events, event.seq as u32, t.ns(), message.as_bytes())?;
+        Ok(())
+    }
+
+    /// Writes a changed setting, of this moment since boot; its topic begins with the first one.
+    ///
+    /// # Errors
+    /// [`Error::Mcap`]: the disk is full or gone.
+    pub fn write_param(&mut self, t: Stamp, change: &ParamChange) -> Result<(), Error> {
+        let channel = match self.params {
+            Some(channel) => channel,
+            None => *self.params.insert(self.output.topic(&self.params_topic, &schemas::params())?),
+        };
+        let text = serde_json::to_string(change).map_err(io::Error::from)?;
+        let message = with_number(self.last, "", &text);
+        self.output.message(channel, 0, t.ns(), message.as_bytes())?;
         Ok(())
     }
 

@@ -82,7 +82,8 @@ impl Agent {
         if std::mem::replace(&mut teleop.delivered, true) {
             return;
         }
-        let rpm = teleop.setpoint.rpm.clamp(-self.max_rpm, self.max_rpm);
+        let max_rpm = self.max_rpm.min(self.params.limit_mps() / self.mps_per_rpm);
+        let rpm = teleop.setpoint.rpm.clamp(-max_rpm, max_rpm);
         if let (Ok(rpm), Ok(steering)) =
             (WheelRpm::try_from(rpm), Steering::try_from(teleop.setpoint.steering))
         {

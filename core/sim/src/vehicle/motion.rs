@@ -36,7 +36,8 @@ impl Truck {
         if let Some(deg) = self.hands.turn() {
             self.turn_by_hand(deg);
         }
-        self.battery.step(&self.drive, STEP_S);
+        let at_dock = self.drive.wheel_mps() == 0.0 && context.is_dock(|| self.reference_m());
+        self.battery.step(&self.drive, at_dock, STEP_S);
         self.ran_into.clear();
         let mut blocked = false;
         if self.drive.wheel_mps() == 0.0 {

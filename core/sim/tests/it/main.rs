@@ -11,6 +11,7 @@ mod chart;
 mod closed_loop;
 mod contacts;
 mod determinism;
+mod docks;
 mod draw;
 #[allow(dead_code)] // core/chaos uses it too
 mod drive;
@@ -25,6 +26,7 @@ mod legs;
 mod levelling;
 mod motion;
 mod ordinary;
+mod params;
 mod parking;
 mod parkings;
 mod pillars;

@@ -17,6 +17,7 @@ use xtb_bus::{Incoming, Subscription};
 use xtb_client::client::Client;
 use xtb_client::state_feed::{MOST_ROBOTS, StateFeed};
 use xtb_client::{Error, ErrorKind, Result};
+use xtb_dispatch::home::levels_of;
 use xtb_dispatch::{Dispatcher, Effect, Entry, Record, Write};
 use xtb_nav::{Car, Map};
 use xtb_protocol::Name;
@@ -102,6 +103,9 @@ impl Work {
         let ground = ground(found.map.as_ref());
         if let Some(map) = &found.map {
             dispatcher.map(clock.ms(), map.name(), map.hash());
+        }
+        if let Some(places) = &found.places {
+            dispatcher.set_places(places);
         }
         told.send_replace(Standing::of(&dispatcher, clock.ms(), Counters::default(), Usage::default()));
         let writer = Writer::start(ledger, ledger::QUEUE)?;
@@ -219,6 +223,7 @@ impl Work {
                 }
                 Some(Err(error)) => self.desk.refuse_list(question, format!("after={error}")),
             },
+            Input::Homes(question) => self.desk.homes(question, self.dispatcher.homes(self.clock.ms())),
         }
     }
 
@@ -231,6 +236,7 @@ impl Work {
                     tracing::warn!("the factsheet of {robot} has no valid vehicle data: {error}");
                 });
                 self.dispatcher.set_factsheet(now_ms, &robot, &about.capabilities, car.ok());
+                self.dispatcher.set_battery_levels(now_ms, &robot, levels_of(&about));
             }
         }
     }
@@ -241,6 +247,9 @@ impl Work {
         }
         if let Some(roster) = &found.roster {
             self.dispatcher.roster(self.clock.ms(), roster);
+        }
+        if let Some(places) = &found.places {
+            self.dispatcher.set_places(places);
         }
         if let Some(map) = &found.map {
             self.ground = found.ground.unwrap_or_else(|| ground(Some(map)));

@@ -1,4 +1,4 @@
-//! What the dispatcher has to find out beside its robots: who should be there and the map; and traffic
+//! What the dispatcher has to find out beside its robots: who should be there, the map and its places; and traffic
 //! control, which it runs unless somebody else does.
 
 use crate::traffic::TrafficService;
@@ -7,10 +7,10 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_client::client::Client;
-use xtb_client::map_source::{self, MapSource};
+use xtb_client::map_source::{self, MapSource, PlacesSource};
 use xtb_dispatch::{MapTravelCost, OpenTravelCost, TravelCost};
 use xtb_nav::Map;
-use xtb_protocol::messages::{FleetMap, Roster};
+use xtb_protocol::messages::{FleetMap, MapPlace, Roster};
 
 /// It looks again this often.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
@@ -35,6 +35,7 @@ pub(super) fn ground(map: Option<&Map>) -> Ground {
 pub(super) struct Found {
     pub(super) roster: Option<Roster>,
     pub(super) map: Option<Map>,
+    pub(super) places: Option<Vec<MapPlace>>,
     /// The same, measured; `None` = not yet.
     pub(super) ground: Option<Ground>,
     /// It is the one that this process serves.
@@ -52,8 +53,15 @@ pub(super) async fn first_look(client: &Client, own: Option<Map>) -> Found {
             None => served(client, FIRST_LOOK).await,
         }
     };
-    match tokio::time::timeout(FIRST_LOOK, async { tokio::join!(roster(client), map) }).await {
-        Ok((roster, map)) => Found { roster, map, own_map, ..Found::default() },
+    let places = async {
+        match &own {
+            Some(own) => Some(own.places().to_vec()),
+            None => places(client, FIRST_LOOK).await,
+        }
+    };
+    let all = async { tokio::join!(roster(client), map, places) };
+    match tokio::time::timeout(FIRST_LOOK, all).await {
+        Ok((roster, map, places)) => Found { roster, map, places, own_map, ..Found::default() },
         Err(_) => Found { map: own, own_map, ..Found::default() },
     }
 }
@@ -78,7 +86,7 @@ impl Drop for MapWatch {
 }
 
 async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender<Found>) {
-    let Found { roster: mut known, mut map, own_map, .. } = found;
+    let Found { roster: mut known, mut map, mut places, own_map, .. } = found;
     if has_second(&client, within).await
         && news.send(Found { second: true, ..Found::default() }).await.is_err()
     {
@@ -86,6 +94,8 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
     }
     let maps = MapSource::open(client.bus(), client.keys()).await;
     let maps = maps.inspect_err(|failure| tracing::warn!("cannot check for another map: {failure}")).ok();
+    let named = PlacesSource::open(client.bus(), client.keys()).await;
+    let named = named.inspect_err(|failure| tracing::warn!("cannot check for other places: {failure}")).ok();
     let (mut traffic, mut said, mut without_roster) = (None, false, 0);
     let mut tick = tokio::time::interval(LOOK_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -112,7 +122,17 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
             // The largest maps take seconds: not in the loop that keeps the leases.
             found.ground = tokio::task::spawn_blocking(move || ground(Some(&new))).await.ok();
         }
-        if (found.roster.is_some() || found.map.is_some()) && news.send(found).await.is_err() {
+        let newest = match named.as_ref().and_then(PlacesSource::newest) {
+            Some(newest) => Some(newest.places.clone()),
+            None if places.is_none() && map.is_some() => self::places(&client, within).await,
+            None => None,
+        };
+        if newest.is_some() && newest != places {
+            places.clone_from(&newest);
+            found.places = newest;
+        }
+        let is_news = found.roster.is_some() || found.map.is_some() || found.places.is_some();
+        if is_news && news.send(found).await.is_err() {
             return;
         }
         let Some(map) = map.as_ref().filter(|_| traffic.is_none()) else { continue };
@@ -150,6 +170,13 @@ async fn served(client: &Client, within: Duration) -> Option<Map> {
     let served = map_source::served(client.bus(), client.keys(), within).await;
     let served = served.inspect_err(|failure| tracing::debug!("no map: {failure}")).ok()?;
     read(served.first()?)
+}
+
+/// `None` = nobody has told of any yet.
+async fn places(client: &Client, within: Duration) -> Option<Vec<MapPlace>> {
+    let found = map_source::places(client.bus(), client.keys(), within).await;
+    let found = found.inspect_err(|failure| tracing::debug!("no places: {failure}")).ok()?;
+    (!found.is_empty()).then_some(found)
 }
 
 fn read(message: &FleetMap) -> Option<Map> {

@@ -14,7 +14,8 @@ use xtb_dispatch::admission::refusal;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{
-    DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, TaskEvent, TaskList,
+    DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, FleetHomes, TaskEvent,
+    TaskList,
 };
 use xtb_protocol::wire::CodecError;
 use xtb_protocol::{Name, Uuid};
@@ -30,6 +31,8 @@ pub(super) enum Input {
     Question(Question),
     /// A question for the list, or for a page of it.
     List(Question),
+    /// A question for the robots at docks and on the way there.
+    Homes(Question),
 }
 
 /// A question that was read.
@@ -82,12 +85,19 @@ impl RequestQueue {
             runtime.spawn(turn_away(question, own_keys.clone()));
         });
         let counter = overloaded.clone();
+        let (homes, homes_counter) = (inputs.clone(), counter.clone());
         let listing = bus.serve(&list, move |question| {
             if inputs.try_send(Input::List(question)).is_err() {
                 counter.fetch_add(1, Ordering::Relaxed);
             }
         });
-        let services = vec![answering.await?, listing.await?];
+        let at_docks = keys.dispatch_homes();
+        let docking = bus.serve(&at_docks, move |question| {
+            if homes.try_send(Input::Homes(question)).is_err() {
+                homes_counter.fetch_add(1, Ordering::Relaxed);
+            }
+        });
+        let services = vec![answering.await?, listing.await?, docking.await?];
         let desk = Self {
             keys,
             open: BTreeMap::new(),
@@ -145,6 +155,17 @@ impl RequestQueue {
             let format = question.wanted_format();
             if let Err(error) = question.reply(&key, list.as_ref(), format).await {
                 tracing::debug!("cannot send the list: {error}");
+            }
+        });
+    }
+
+    /// The robots at docks and on the way there, for one who asked.
+    pub(super) fn homes(&self, question: Question, homes: FleetHomes) {
+        let key = self.keys.dispatch_homes();
+        tokio::spawn(async move {
+            let format = question.wanted_format();
+            if let Err(error) = question.reply(&key, &homes, format).await {
+                tracing::debug!("cannot send who is at a dock: {error}");
             }
         });
     }

@@ -1,5 +1,5 @@
 //! Commands in a recording of the fleet or of a robot: what robots said of leases, goals, latches and teleoperation,
-//! with the client that each names, and emergency stops of all robots.
+//! with the client that each names, emergency stops of all robots and, of a robot's own recording, changed settings.
 
 use super::command::Command;
 use crate::recording::playback_worker::not_readable;
@@ -11,7 +11,7 @@ use xtb_client::messages::AnyMessage;
 use xtb_client::text::{reasons, robot as describe};
 use xtb_control::Mode;
 use xtb_protocol::keys::{Channel, Key};
-use xtb_protocol::messages::{Event, EventKind, GoalKind, GoalState, Latch, RobotState};
+use xtb_protocol::messages::{Event, EventKind, GoalKind, GoalState, Latch, ParamChange, RobotState};
 use xtb_protocol::{Name, Uuid};
 use xtb_recording::Error;
 use xtb_recording::fleet::reader;
@@ -58,8 +58,13 @@ impl Audit {
     fn told(&mut self, told: &Told) {
         let started = humantime::parse_rfc3339_weak(&told.header.started).unwrap_or(UNIX_EPOCH);
         let started_ms = started.duration_since(UNIX_EPOCH).unwrap_or_default().as_millis() as u64;
+        let at_ms = |at_ns: u64| started_ms.saturating_add(at_ns.saturating_sub(told.began_ns) / 1_000_000);
         for (at_ns, event) in &told.events {
-            self.event(started_ms.saturating_add(at_ns.saturating_sub(told.began_ns) / 1_000_000), event);
+            self.event(at_ms(*at_ns), event);
+        }
+        let robot = Name::new(&told.header.robot).ok();
+        for (at_ns, ParamChange { by, name, from, to, .. }) in &told.params {
+            self.push(at_ms(*at_ns), Some(by), robot.as_ref(), format!("set {name} from {from} to {to}"));
         }
     }
 

@@ -20,7 +20,7 @@ use xtb_protocol::Name;
 use xtb_protocol::messages::Suspension;
 use xtb_services::dispatch::standby::{self, Change};
 use xtb_services::dispatch::store::{self, Store};
-use xtb_services::dispatch::{Counters, DispatchService};
+use xtb_services::dispatch::{Counters, DispatchService, Floor};
 use xtb_services::map_server::MapService;
 
 const SERVE_HELP: &str = "\
@@ -52,6 +52,10 @@ pub struct DispatchServeArgs {
     /// How fine a world is drawn.
     #[command(flatten)]
     pub fine: ResolutionArgs,
+    /// Send robots to docks when their battery gets low, and back to work [default: if the fleet config has a section
+    /// home].
+    #[arg(long)]
+    pub home: bool,
 }
 
 /// The one line that says it is ready.
@@ -132,7 +136,8 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
             }
             None => None,
         };
-        let service = DispatchService::start(&client, store, own, ctx.settings.timeout).await?;
+        let floor = Floor { map: own, home: ctx.home_rules(args.home) };
+        let service = DispatchService::start(&client, store, floor, ctx.settings.timeout).await?;
         Ok::<_, Error>((maps, service))
     };
     let (maps, mut service) = tokio::select! {

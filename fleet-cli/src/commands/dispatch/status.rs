@@ -12,7 +12,8 @@ use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::dispatcher_client::fleet_stop;
 use xtb_client::dispatcher_client::{DispatcherClient, Status};
-use xtb_protocol::messages::{StandbyReply, StandbyView};
+use xtb_client::text::robot::fixed;
+use xtb_protocol::messages::{FleetHomes, HomeStatus, RobotHome, StandbyReply, StandbyView};
 use xtb_services::dispatch::store::wall_ms;
 
 /// How it stands, and how with its stand-by.
@@ -23,6 +24,8 @@ struct Shown {
     /// In which term it assigns; `None` = it is older than terms.
     term: Option<u32>,
     standby: Option<Standby>,
+    /// Which robots are at a dock or on the way to one; `None` = it is older than docks.
+    homes: Option<FleetHomes>,
 }
 
 /// Its stand-by.
@@ -35,13 +38,13 @@ struct Standby {
 }
 
 impl Shown {
-    fn of(status: Status, reply: Option<StandbyReply>) -> Self {
+    fn of(status: Status, reply: Option<StandbyReply>, homes: Option<FleetHomes>) -> Self {
         let term = reply.as_ref().map(|reply| reply.term);
         let standby = reply.and_then(|reply| {
             let view = reply.standby?;
             Some(Standby { behind: reply.last.saturating_sub(view.last), view })
         });
-        Self { status, term, standby }
+        Self { status, term, standby, homes }
     }
 }
 
@@ -60,7 +63,10 @@ async fn status(ctx: &Context) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
     let dispatcher = DispatcherClient::of(&client);
     let shown = match dispatcher.status().await {
-        Ok(status) => dispatcher.standby().await.map(|reply| Shown::of(status, reply)),
+        Ok(status) => {
+            let (standby, homes) = tokio::join!(dispatcher.standby(), dispatcher.homes());
+            standby.and_then(|standby| Ok(Shown::of(status, standby, homes?)))
+        }
         Err(error) => Err(error),
     };
     client.close().await;
@@ -69,7 +75,7 @@ async fn status(ctx: &Context) -> Result<Exit> {
 }
 
 fn text(shown: &Shown, now_ms: u64, out: &Output) -> String {
-    let Shown { status: Status { dispatcher: of, suspended }, term, standby } = shown;
+    let Shown { status: Status { dispatcher: of, suspended }, term, standby, homes } = shown;
     let stopped = fleet_stop(suspended);
     let state =
         if stopped.is_some() { out.paint(Tone::Bad, "SUSPENDED") } else { out.paint(Tone::Good, "active") };
@@ -92,8 +98,38 @@ fn text(shown: &Shown, now_ms: u64, out: &Output) -> String {
     if let Some(why) = &of.ledger_failed {
         lines.push(out.paint(Tone::Bad, &format!("the ledger cannot be written: {why}")));
     }
+    lines.extend(homes.iter().flat_map(|homes| of_homes(homes, out)));
     lines.extend(task_text::suspended(suspended, Some(now_ms), out));
     lines.join("\n")
+}
+
+/// A line for each robot that is at a dock or parking place, or has to go to one.
+fn of_homes(homes: &FleetHomes, out: &Output) -> Vec<String> {
+    let line = |home: &RobotHome| {
+        let place = home.place.as_ref().map(|place| format!(" {place}")).unwrap_or_default();
+        let volts = home.battery_v.map(|volts| format!(", {} V", fixed(volts, 2))).unwrap_or_default();
+        let task = home.task.map(|task| format!(", {task}")).unwrap_or_default();
+        let why = if home.why.is_empty() { String::new() } else { format!(": {}", home.why) };
+        let (tone, what) = match home.status {
+            HomeStatus::OnTheWay => (Tone::Plain, "on the way to"),
+            HomeStatus::Charging => (Tone::Good, "charging at"),
+            HomeStatus::Charged => (Tone::Good, "charged at"),
+            HomeStatus::NotCharging => (Tone::Bad, "NOT CHARGING at"),
+            HomeStatus::Parked => (Tone::Plain, "parked at"),
+            HomeStatus::AfterTask => (Tone::Plain, "goes to a dock after its task"),
+            HomeStatus::WaitsForDock => (Tone::Warning, "waits for a dock"),
+            HomeStatus::NeedsHelp => (Tone::Bad, "NEEDS HELP to get to a dock"),
+        };
+        format!("         {} {}{volts}{task}{why}", home.robot, out.paint(tone, &format!("{what}{place}")))
+    };
+    match homes.active {
+        false => Vec::new(),
+        true if homes.robots.is_empty() => vec!["docks    no robot at a dock or on the way to one".to_owned()],
+        true => [format!("docks    {} robots", homes.robots.len())]
+            .into_iter()
+            .chain(homes.robots.iter().map(line))
+            .collect(),
+    }
 }
 
 fn of_standby(Standby { view, behind }: &Standby, out: &Output) -> String {
@@ -126,7 +162,7 @@ mod tests {
         let cause = SuspensionCause::FleetStop { by: Some(name("cli-1")) };
         let suspended = vec![Suspension { cause, since_ms: 1000, tasks: 3 }];
         let out = Output { json: false, colors: false };
-        let shown = |dispatcher, suspended, reply| Shown::of(Status { dispatcher, suspended }, reply);
+        let shown = |dispatcher, suspended, reply| Shown::of(Status { dispatcher, suspended }, reply, None);
         let said = text(&shown(dispatcher.clone(), suspended, None), 41_000, &out);
         assert!(said.contains("stand-by none"), "{said}");
         assert!(said.starts_with("state    SUSPENDED\nmap      lab\n"), "{said}");

@@ -9,7 +9,8 @@ use xtb_client::client::Client;
 use xtb_client::fleet_view::by_number;
 use xtb_services::dispatch::store::Store;
 use xtb_services::dispatch::usage::Usage;
-use xtb_services::dispatch::{DispatchService, Standing};
+use xtb_dispatch::HomeRules;
+use xtb_services::dispatch::{DispatchService, Floor, Standing};
 use xtb_simulator::Simulator;
 
 /// It is looked this often whether all is done.
@@ -26,13 +27,18 @@ impl EmbeddedDispatcher {
     ///
     /// # Errors
     /// As [`DispatchService::start`].
-    pub(crate) async fn start(ctx: &Context, simulator: &Simulator, store: Store) -> Result<Self> {
+    pub(crate) async fn start(
+        ctx: &Context,
+        simulator: &Simulator,
+        store: Store,
+        home: Option<HomeRules>,
+    ) -> Result<Self> {
         let robots = simulator.roster().robots.clone();
         let own = ctx
             .with(|settings| (settings.connect, settings.robots) = (simulator.endpoints().to_vec(), robots));
         let client = Client::open(&own.settings).await?;
-        let service =
-            DispatchService::start(&client, store, simulator.map().cloned(), ctx.settings.timeout).await?;
+        let floor = Floor { map: simulator.map().cloned(), home };
+        let service = DispatchService::start(&client, store, floor, ctx.settings.timeout).await?;
         Ok(Self { client, service })
     }
 

@@ -298,6 +298,7 @@ async fn a_viewer_may_call_an_emergency_stop_and_nothing_else() {
         json!({ "stop": { "robot": "xtb-1" } }),
         json!({ "reset": { "robot": "xtb-1" } }),
         json!({ "reset_all": {} }),
+        json!({ "speed_limit": { "mps": 0.2 } }),
         json!({ "submit": { "spec": spec } }),
         json!({ "cancel": { "task": "t1" } }),
         json!({ "activate": {} }),

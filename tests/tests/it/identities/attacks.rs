@@ -52,25 +52,27 @@ const PUTS: [(&str, &[Role]); 23] = [
     ("sim/truth", &[Role::Simulator]),
 ];
 /// Questions that nobody may ask but these.
-const QUESTIONS: [(&str, &[Role]); 9] = [
+const QUESTIONS: [(&str, &[Role]); 10] = [
     // steal the lease; command under the holder's; log and tasks under another's name
     ("xtb-1/cmd/alice", &[Role::Operator]),
     ("*/cmd/alice", &[Role::Operator]),
     ("xtb-1/cmd/nobody", &[]),
     ("xtb-1/cmd/*", &[]),
     ("xtb-1/log/alice", &[Role::Operator]),
+    ("xtb-1/param/alice", &[Role::Operator]),
     ("xtb-1/estop/alice", &[Role::Operator]),
     ("dispatch/cmd/alice", &[Role::Operator]),
     ("dispatch/standby/dispatch", &[Role::Dispatcher]),
     ("xtb-1/*/alice", &[]),
 ];
 /// Answers that nobody may give but these: a shadow of the robot, the dispatcher, the map or the roster.
-const SHADOWS: [(&str, &[Role]); 10] = [
+const SHADOWS: [(&str, &[Role]); 11] = [
     ("xtb-1/state", &[Role::Robot, Role::Simulator]),
     ("xtb-1/about", &[Role::Robot, Role::Simulator]),
     ("xtb-1/cmd/alice", &[Role::Robot, Role::Simulator]),
     ("xtb-1/event/@adv/**", &[Role::Robot, Role::Simulator]),
     ("dispatch/tasks", &[Role::Dispatcher]),
+    ("dispatch/homes", &[Role::Dispatcher]),
     ("dispatch/cmd/alice", &[Role::Dispatcher]),
     ("map", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("map/places", &[Role::Map, Role::Dispatcher, Role::Simulator]),
@@ -103,7 +105,7 @@ async fn victims(pki: &Pki, router: &str, effects: &Effects) -> Vec<Box<dyn std:
                 "map",
                 "*/near/x0y0",
             ][..],
-            &["xtb-1/cmd/*", "xtb-1/log/*", "xtb-1/estop/*", "xtb-1/state"][..],
+            &["xtb-1/cmd/*", "xtb-1/log/*", "xtb-1/param/*", "xtb-1/estop/*", "xtb-1/state"][..],
         ),
         (
             "archive",

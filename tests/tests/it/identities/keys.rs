@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 /// Channels of a robot.
-const ROBOT: [&str; 22] = [
+const ROBOT: [&str; 23] = [
     "alive",
     "state",
     "sensors",
@@ -24,12 +24,13 @@ const ROBOT: [&str; 22] = [
     "cmd/alice",
     "cmd/*",
     "log/alice",
+    "param/alice",
     "teleop/alice",
     "estop/alice",
     "estop/*",
 ];
 /// Clients' keys of one robot, and the others.
-const OTHERS: [&str; 61] = [
+const OTHERS: [&str; 62] = [
     "xtb-1/cmd/alice-3f9a1c",
     "xtb-1/cmd/alicex",
     "xtb-1/cmd/vera",
@@ -62,6 +63,7 @@ const OTHERS: [&str; 61] = [
     "map/places",
     "dispatch/alive",
     "dispatch/tasks",
+    "dispatch/homes",
     "dispatch/event",
     "dispatch/event/@adv/pub/z/1/_",
     "dispatch/event/@adv/**",

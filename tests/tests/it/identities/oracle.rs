@@ -19,7 +19,7 @@ const LOOK: &[Line] = &[
     (
         "in",
         "query",
-        "*/{state,about} map map/places dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
+        "*/{state,about} map map/places dispatch/{tasks,homes} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "in",
@@ -35,27 +35,27 @@ const LOOK: &[Line] = &[
     (
         "out",
         "reply",
-        "*/{state,about} map map/places dispatch/tasks sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
+        "*/{state,about} map map/places dispatch/{tasks,homes} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
     ),
     ("out", "liveliness_token", "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/** */event/json/@adv/**"),
 ];
 const STOP: &[Line] =
     &[("in", "put query", "*/estop/me"), ("in", "put", "all/estop/me"), ("out", "reply", "*/estop/me")];
 const DRIVE: &[Line] = &[
-    ("in", "query", "*/{cmd,estop,log}/me dispatch/{cmd,standby}/me"),
+    ("in", "query", "*/{cmd,estop,log,param}/me dispatch/{cmd,standby}/me"),
     ("in", "put", "*/{teleop,estop}/me all/estop/me"),
-    ("out", "reply", "*/{cmd,estop,log}/me dispatch/{cmd,standby}/me"),
+    ("out", "reply", "*/{cmd,estop,log,param}/me dispatch/{cmd,standby}/me"),
 ];
 const ROBOT: &[Line] = &[
     ("in", "put", "n/{state,state/json,sensors,event,near/*,event/@adv/**,event/json,event/json/@adv/**}"),
-    ("in", "declare_queryable", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event/json/@adv/**}"),
-    ("in", "reply", "n/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event,event/json/@adv/**,event/json}"),
+    ("in", "declare_queryable", "n/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event/json/@adv/**}"),
+    ("in", "reply", "n/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event,event/json/@adv/**,event/json}"),
     ("in", "liveliness_token", "n/{alive,event/@adv/**,event/json/@adv/**}"),
     ("in", "declare_subscriber", "n/{teleop/*,estop/*,fix,route} all/estop/* map */near/*"),
     ("in", "query", "n/state map"),
     ("in", "liveliness_query", "n/alive"),
     ("out", "put", "n/{teleop/*,fix,route} */estop/* all/estop/* map */near/*"),
-    ("out", "query", "{n,*}/{state,about,cmd/*,estop/*,log/*,event/@adv/**,event/json/@adv/**}"),
+    ("out", "query", "{n,*}/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event/json/@adv/**}"),
     ("out", "reply", "n/state map"),
     ("out", "liveliness_token", "n/alive"),
 ];
@@ -64,11 +64,11 @@ const DISPATCH: &[Line] = &[
     ("in", "declare_subscriber", "all/estop/*"),
     ("in", "query", "*/cmd/dispatch dispatch/standby/dispatch"),
     ("in", "put", "dispatch/{tasks,event,event/@adv/**}"),
-    ("in", "declare_queryable", "dispatch/{tasks,cmd/*,standby/*,event/@adv/**}"),
-    ("in", "reply", "dispatch/{tasks,cmd/*,standby/*,event/@adv/**,event}"),
+    ("in", "declare_queryable", "dispatch/{tasks,homes,cmd/*,standby/*,event/@adv/**}"),
+    ("in", "reply", "dispatch/{tasks,homes,cmd/*,standby/*,event/@adv/**,event}"),
     ("in", "liveliness_token", "dispatch/{alive,event/@adv/**}"),
     ("out", "put", "all/estop/*"),
-    ("out", "query", "dispatch/{tasks,cmd/*,standby/*,event/@adv/**}"),
+    ("out", "query", "dispatch/{tasks,homes,cmd/*,standby/*,event/@adv/**}"),
     ("out", "reply", "*/cmd/dispatch dispatch/standby/dispatch"),
 ];
 const TRAFFIC: &[Line] =

@@ -1,0 +1,109 @@
+//! The bytes of questions about settings, and of who is at a dock.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on shall end
+
+use xtb_protocol::codec::{Format, decode, encode, encoding};
+use xtb_protocol::messages::{
+    FleetHomes, HomeStatus, Lease, Message, ParamBody, ParamCareful, ParamChange, ParamCode, ParamInfo,
+    ParamList, ParamOutcome, ParamReply, ParamRequest, ParamValue, ParamWhen, RobotHome, TaskId,
+};
+use xtb_protocol::{Name, Uuid};
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn pinned<M: Message + PartialEq + std::fmt::Debug>(message: &M, postcard: &str, json: &str) {
+    let bytes = encode(message, Format::Postcard).unwrap();
+    let text = encode(message, Format::Json).unwrap();
+    assert_eq!((hex(&bytes).as_str(), std::str::from_utf8(&text).unwrap()), (postcard, json));
+    for (format, bytes) in [(Format::Postcard, &bytes), (Format::Json, &text)] {
+        assert_eq!(&decode::<M>(&encoding::<M>(format), bytes).unwrap(), &(message_of(message), format));
+    }
+}
+
+fn message_of<M: Message>(message: &M) -> M {
+    decode(&encoding::<M>(Format::Postcard), &encode(message, Format::Postcard).unwrap()).unwrap().0
+}
+
+fn limit(value: f64) -> ParamValue {
+    ParamValue { name: "navigation.drive.limit_mps".into(), value }
+}
+
+fn name(text: &str) -> Name {
+    Name::new(text).unwrap()
+}
+
+#[test]
+fn questions_about_settings() {
+    let id = Uuid::from_u128(0x1122);
+    let lease = Some(Lease { epoch: 7, root: 3 });
+    pinned(
+        &ParamRequest { id, lease, body: ParamBody::Set { values: vec![limit(0.25)] } },
+        "SET",
+        "SET",
+    );
+    pinned(&ParamRequest { id, lease: None, body: ParamBody::List {} }, "LIST", "LIST");
+    pinned(&ParamRequest { id, lease: None, body: ParamBody::Save {} }, "SAVE", "SAVE");
+}
+
+#[test]
+fn answers_about_settings() {
+    let id = Uuid::from_u128(0x1122);
+    let param = ParamInfo {
+        name: "navigation.drive.limit_mps".into(),
+        value: 0.25,
+        saved: 1.0,
+        unit: "m/s".into(),
+        min: 0.5,
+        max: 1.0,
+        when: ParamWhen::Always,
+        careful: ParamCareful::Lower,
+        about: "Fast.".into(),
+    };
+    let change = ParamChange {
+        tick_ms: 1000,
+        age_ms: 20,
+        by: name("bob"),
+        name: "a.b".into(),
+        from: 1.0,
+        to: 0.25,
+    };
+    let list = ParamList { params: vec![param], changes: vec![change] };
+    pinned(&ParamReply { id, result: ParamOutcome::Ok(list) }, "OK", "OK");
+    pinned(&ParamReply::refused(id, ParamCode::Driving, "no", "stop"), "ERROR", "ERROR");
+}
+
+#[test]
+fn questions_and_answers_that_cannot_be_are_refused() {
+    let id = Uuid::nil();
+    let set = |values: Vec<ParamValue>| ParamRequest { id, lease: None, body: ParamBody::Set { values } };
+    assert!(set(vec![limit(0.2)]).validate().is_ok());
+    for values in [vec![], vec![limit(f64::NAN)], vec![limit(0.2); 65]] {
+        assert!(set(values.clone()).validate().is_err(), "{values:?}");
+    }
+}
+
+#[test]
+fn who_is_at_a_dock() {
+    let on_the_way = RobotHome {
+        robot: name("xtb-1"),
+        status: HomeStatus::OnTheWay,
+        place: Some(name("dock-1")),
+        task: Some(TaskId::new(17)),
+        battery_v: Some(7.0),
+        why: "battery low".into(),
+    };
+    let waits = RobotHome {
+        robot: name("xtb-2"),
+        status: HomeStatus::NeedsHelp,
+        place: None,
+        task: None,
+        battery_v: None,
+        why: String::new(),
+    };
+    let homes = FleetHomes { active: true, robots: vec![on_the_way, waits] };
+    pinned(&homes, "HOMES", "HOMES");
+    let robots = vec![RobotHome { battery_v: Some(f64::INFINITY), ..homes.robots[0].clone() }];
+    assert!(FleetHomes { active: true, robots }.validate().is_err());
+}
