@@ -1,5 +1,9 @@
 //! The fleet config: an optional TOML file with the fleet's name, routers and roster.
 
+mod observer;
+
+pub use observer::{AlertsConfig, HistoryConfig, observer};
+
 use crate::nearest::nearest;
 use robot_agent::files;
 use serde::Deserialize;
@@ -10,7 +14,7 @@ use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{MAX_COORDINATE_M, RosterEntry};
 
-const TOP: [&str; 3] = ["fleet", "connect", "robots"];
+const TOP: [&str; 5] = ["fleet", "connect", "robots", "alerts", "history"];
 const ROBOT: [&str; 3] = ["name", "tags", "start_pose"];
 const POSE: [&str; 3] = ["x_m", "y_m", "yaw_rad"];
 
@@ -24,6 +28,10 @@ pub struct FleetConfig {
     pub connect: Vec<String>,
     /// Which robots should be there.
     pub robots: Vec<RosterEntry>,
+    /// When the dispatcher calls for a person, and how.
+    pub alerts: AlertsConfig,
+    /// How much history it keeps.
+    pub history: HistoryConfig,
 }
 
 impl FleetConfig {
@@ -65,6 +73,8 @@ impl FleetConfig {
                 in_range(&format!("robots[{i}].start_pose"), &pose)?;
             }
         }
+        config.alerts.check()?;
+        config.history.check()?;
         Ok(config)
     }
 }
@@ -93,6 +103,9 @@ fn default_path() -> Option<PathBuf> {
 /// Serde would name an unknown key, but not the one that was meant.
 fn known_keys(top: &Table) -> Result<()> {
     check(top, "", &TOP)?;
+    for (name, known) in [("alerts", &observer::ALERTS[..]), ("history", &observer::HISTORY)] {
+        top.get(name).and_then(Value::as_table).map_or(Ok(()), |it| check(it, &format!("{name}."), known))?;
+    }
     let robots = top.get("robots").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
     for (i, robot) in robots.iter().enumerate() {
         let Some(robot) = robot.as_table() else { continue };
@@ -144,7 +157,8 @@ mod tests {
             ("conect = []", "unknown key conect", "did you mean connect?"),
             ("[[robots]]\nnme = 'a'", "unknown key robots[0].nme", "did you mean robots[0].name?"),
             ("[[robots]]\nname = 'a'\nstart_pose = { x = 1 }", "robots[0].start_pose.x", "x_m"),
-            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots"),
+            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots, alerts, history"),
+            ("[alerts]\nblocked = 5", "unknown key alerts.blocked", "did you mean alerts.blocked_s?"),
         ] {
             let failure = FleetConfig::parse(text).unwrap_err();
             assert!(failure.message.contains(key), "{failure:?}");

@@ -5,12 +5,15 @@ mod identity;
 pub(crate) use identity::session_name;
 
 use crate::args::GlobalArgs;
-use crate::config::FleetConfig;
+use crate::config::{AlertsConfig, FleetConfig, HistoryConfig};
 use crate::output::Output;
+use robot_agent::files;
+use std::path::Path;
 use xtb_client::{DEFAULT_ENDPOINT, DEFAULT_FLEET, Settings};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::keys::NameError;
+use xtb_protocol::messages::MAX_PERSON;
 
 /// Where clients look for a router's name unless `--connect` says it.
 const ROUTERS: &str = "XTB_CONNECT";
@@ -36,6 +39,8 @@ pub struct Context {
     pub settings: Settings,
     /// Whether `--connect` stands on the command line (`sim` then runs no router of its own).
     pub connect_given: bool,
+    /// What a dispatcher of this fleet tells people, from the config.
+    pub observer: (AlertsConfig, HistoryConfig),
     /// Where and how to print.
     pub out: Output,
 }
@@ -76,7 +81,18 @@ impl Context {
             timeout: global.timeout,
             robots: config.robots,
         };
-        Ok(Self { settings, connect_given: global.connect_given, out })
+        let observer = (config.alerts, config.history);
+        Ok(Self { settings, connect_given: global.connect_given, observer, out })
+    }
+
+    /// Who uses this computer, such as `alice@desk`, as far as it says so; with an identity that says who it is.
+    #[must_use]
+    pub fn person(&self) -> Option<String> {
+        let set = |name: &&str| std::env::var(name).ok().filter(|user| !user.is_empty());
+        let user = ["USER", "LOGNAME"].iter().find_map(set).filter(|_| self.settings.identity.is_none())?;
+        let host = files::text(Path::new("/proc/sys/kernel/hostname"), 256).unwrap_or_default();
+        let person = format!("{user}@{}", if host.trim().is_empty() { "?" } else { host.trim() });
+        Some(person).filter(|person| person.len() <= MAX_PERSON)
     }
 
     /// The same with other settings.
@@ -114,6 +130,7 @@ impl Context {
     /// As the client was opened, printing JSON.
     pub(crate) fn of(client: &xtb_client::Client) -> Self {
         let out = Output { json: true, colors: false };
-        Self { settings: client.settings().clone(), connect_given: false, out }
+        let settings = client.settings().clone();
+        Self { settings, connect_given: false, observer: Default::default(), out }
     }
 }

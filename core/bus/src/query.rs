@@ -9,8 +9,8 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{
-    DispatchReply, FleetMap, FleetPlaces, LogReply, Message, Reply, Request, Roster, StandbyReply, TaskList,
-    Truth,
+    DispatchReply, FleetAlerts, FleetMap, FleetPlaces, HistoryReply, LogReply, Message, Reply, Request,
+    Roster, StandbyReply, TaskList, Truth,
 };
 use xtb_protocol::wire::{self, CodecError};
 use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as Answer};
@@ -32,6 +32,8 @@ fn longest_bytes(channel: &Channel) -> usize {
         Channel::DispatchCmd(_) => DispatchReply::MAX_BYTES,
         Channel::DispatchStandby(_) => StandbyReply::MAX_BYTES,
         Channel::DispatchTasks => TaskList::MAX_BYTES,
+        Channel::DispatchAlerts => FleetAlerts::MAX_BYTES,
+        Channel::DispatchHistory => HistoryReply::MAX_BYTES,
         Channel::SimTruth => Truth::MAX_BYTES,
         Channel::SimRoster => Roster::MAX_BYTES,
         Channel::Alive
@@ -52,6 +54,7 @@ fn longest_bytes(channel: &Channel) -> usize {
         | Channel::TrafficState
         | Channel::DispatchAlive
         | Channel::DispatchEvent
+        | Channel::DispatchAck(_)
         | Channel::Identity(_)
         | Channel::SimStats => wire::MAX_BYTES,
     }

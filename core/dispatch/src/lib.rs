@@ -16,11 +16,13 @@
 //! * [`suspension`]: which tasks no robot may be given, after a fleet stop or on another map.
 //! * [`assign`]: which robot gets which task, by [`travel_cost`]; [`predicted_free`]: when and where a busy
 //!   robot will be free.
+//! * [`alerts`]: what needs a person, by rules over the same.
 //! * [`replication`]: when a write counts that a stand-by has to have too, and when the stand-by takes over.
 //!
 //! Times are ms since 1970 and never go back within a run; numbers for ids come in as an argument.
 
 pub mod admission;
+pub mod alerts;
 pub mod assign;
 pub mod dispatcher;
 pub mod predicted_free;

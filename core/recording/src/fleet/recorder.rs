@@ -194,6 +194,7 @@ fn holds(channel: &Channel) -> bool {
             | Channel::Map
             | Channel::Places
             | Channel::DispatchTasks
+            | Channel::DispatchAlerts
             | Channel::SimRoster
     )
 }

@@ -3,6 +3,7 @@
 use crate::commands::dispatch::LedgerArgs;
 use crate::commands::dispatcher;
 use crate::commands::map::ResolutionArgs;
+use crate::config;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
@@ -99,6 +100,7 @@ struct Ended {
 /// with, or a stand-by that has taken over.
 pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
+    let observer = config::observer(&ctx.observer.0, ctx.observer.1)?;
     let own = args.map.as_deref().map(|file| map_file::read(file, args.fine.resolution_m)).transpose()?;
     // Before anybody can ask: what is acknowledged has to go there.
     let store = match args.fresh {
@@ -125,7 +127,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
             }
             None => None,
         };
-        let service = DispatchService::start(&client, store, own, ctx.settings.timeout).await?;
+        let service = DispatchService::start(&client, store, own, observer, ctx.settings.timeout).await?;
         Ok::<_, Error>((maps, service))
     };
     let (maps, mut service) = tokio::select! {

@@ -1,14 +1,16 @@
 //! A dispatcher in a simulator's process: what `sim --dispatch` and `demo` run beside their robots.
 
+use crate::config;
 use crate::context::Context;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use std::time::Duration;
 use xtb_client::Result;
 use xtb_client::client::Client;
+use xtb_services::alert_outlets::OutletSettings;
 use xtb_services::dispatch::store::Store;
 use xtb_services::dispatch::usage::Usage;
-use xtb_services::dispatch::{DispatchService, Standing};
+use xtb_services::dispatch::{DispatchService, ObserverSettings, Standing};
 use xtb_simulator::Simulator;
 
 /// It is looked this often whether all is done.
@@ -30,8 +32,11 @@ impl EmbeddedDispatcher {
         let own = ctx
             .with(|settings| (settings.connect, settings.robots) = (simulator.endpoints().to_vec(), robots));
         let client = Client::open(&own.settings).await?;
-        let service =
-            DispatchService::start(&client, store, simulator.map().cloned(), ctx.settings.timeout).await?;
+        // A simulation calls nobody.
+        let outlets = OutletSettings::default();
+        let observer = ObserverSettings { outlets, ..config::observer(&ctx.observer.0, ctx.observer.1)? };
+        let (map, timeout) = (simulator.map().cloned(), ctx.settings.timeout);
+        let service = DispatchService::start(&client, store, map, observer, timeout).await?;
         Ok(Self { client, service })
     }
 

@@ -29,7 +29,7 @@ const ROBOT: [&str; 22] = [
     "estop/*",
 ];
 /// Clients' keys of one robot, and the others.
-const OTHERS: [&str; 61] = [
+const OTHERS: [&str; 67] = [
     "xtb-1/cmd/alice-3f9a1c",
     "xtb-1/cmd/alicex",
     "xtb-1/cmd/vera",
@@ -62,6 +62,12 @@ const OTHERS: [&str; 61] = [
     "map/places",
     "dispatch/alive",
     "dispatch/tasks",
+    "dispatch/alerts",
+    "dispatch/history",
+    "dispatch/ack/alice",
+    "dispatch/ack/vera",
+    "dispatch/ack/web-3f9a1c",
+    "dispatch/ack/*",
     "dispatch/event",
     "dispatch/event/@adv/pub/z/1/_",
     "dispatch/event/@adv/**",
