@@ -1,6 +1,10 @@
 //! The fleet config: an optional TOML file with the fleet's name, routers and roster, and where robots go by
 //! themselves.
 
+mod observer;
+
+pub use observer::{AlertsConfig, HistoryConfig, observer};
+
 use crate::nearest::nearest;
 use robot_agent::files;
 use serde::Deserialize;
@@ -14,8 +18,8 @@ use xtb_dispatch::{HomeRules, HomeSettings};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{MAX_COORDINATE_M, RosterEntry, place_name};
 
-const TOP: [&str; 4] = ["fleet", "connect", "robots", "home"];
-const HOME: [&str; 4] = ["now_margin_v", "resume_margin_v", "park_after_s", "robots"];
+const TOP: [&str; 6] = ["fleet", "connect", "robots", "home"];
+const HOME: [&str; 4] = ["now_margin_v", "resume_margin_v", "park_after_s", "robots", "alerts", "history"];
 const ROBOT: [&str; 3] = ["name", "tags", "start_pose"];
 const POSE: [&str; 3] = ["x_m", "y_m", "yaw_rad"];
 
@@ -48,6 +52,10 @@ impl From<HomeConfig> for HomeRules {
     fn from(HomeConfig { settings, robots }: HomeConfig) -> Self {
         Self { settings, homes: robots }
     }
+    /// When the dispatcher calls for a person, and how.
+    pub alerts: AlertsConfig,
+    /// How much history it keeps.
+    pub history: HistoryConfig,
 }
 
 impl FleetConfig {
@@ -99,6 +107,8 @@ impl FleetConfig {
                 })?;
             }
         }
+        config.alerts.check()?;
+        config.history.check()?;
         Ok(config)
     }
 }
@@ -129,6 +139,9 @@ fn known_keys(top: &Table) -> Result<()> {
     check(top, "", &TOP)?;
     if let Some(home) = top.get("home").and_then(Value::as_table) {
         check(home, "home.", &HOME)?;
+    }
+    for (name, known) in [("alerts", &observer::ALERTS[..]), ("history", &observer::HISTORY)] {
+        top.get(name).and_then(Value::as_table).map_or(Ok(()), |it| check(it, &format!("{name}."), known))?;
     }
     let robots = top.get("robots").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
     for (i, robot) in robots.iter().enumerate() {
@@ -181,7 +194,8 @@ mod tests {
             ("conect = []", "unknown key conect", "did you mean connect?"),
             ("[[robots]]\nnme = 'a'", "unknown key robots[0].nme", "did you mean robots[0].name?"),
             ("[[robots]]\nname = 'a'\nstart_pose = { x = 1 }", "robots[0].start_pose.x", "x_m"),
-            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots, home"),
+            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots, home, alerts, history"),
+            ("[alerts]\nblocked = 5", "unknown key alerts.blocked", "did you mean alerts.blocked_s?"),
         ] {
             let failure = FleetConfig::parse(text).unwrap_err();
             assert!(failure.message.contains(key), "{failure:?}");

@@ -5,13 +5,16 @@ mod identity;
 pub(crate) use identity::session_name;
 
 use crate::args::GlobalArgs;
-use crate::config::FleetConfig;
+use crate::config::{AlertsConfig, FleetConfig, HistoryConfig};
 use crate::output::Output;
+use robot_agent::files;
+use std::path::Path;
 use xtb_client::{DEFAULT_ENDPOINT, DEFAULT_FLEET, Settings};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::HomeRules;
 use xtb_protocol::Name;
 use xtb_protocol::keys::NameError;
+use xtb_protocol::messages::MAX_PERSON;
 
 /// Where clients look for a router's name unless `--connect` says it.
 const ROUTERS: &str = "XTB_CONNECT";
@@ -39,6 +42,8 @@ pub struct Context {
     pub connect_given: bool,
     /// Where robots go by themselves, as the config says; `None` = it does not.
     pub home: Option<HomeRules>,
+    /// What a dispatcher of this fleet tells people, from the config.
+    pub observer: (AlertsConfig, HistoryConfig),
     /// Where and how to print.
     pub out: Output,
 }
@@ -80,13 +85,24 @@ impl Context {
             robots: config.robots,
         };
         let home = config.home.map(HomeRules::from);
-        Ok(Self { settings, connect_given: global.connect_given, home, out })
+        let observer = (config.alerts, config.history);
+        Ok(Self { settings, connect_given: global.connect_given, home, observer, out })
     }
 
     /// When a dispatcher sends robots to docks: as the config says, or as usual if it is `wanted` on the command line.
     #[must_use]
     pub fn home_rules(&self, wanted: bool) -> Option<HomeRules> {
         self.home.clone().or_else(|| wanted.then(HomeRules::default))
+    }
+
+    /// Who uses this computer, such as `alice@desk`, as far as it says so; with an identity that says who it is.
+    #[must_use]
+    pub fn person(&self) -> Option<String> {
+        let set = |name: &&str| std::env::var(name).ok().filter(|user| !user.is_empty());
+        let user = ["USER", "LOGNAME"].iter().find_map(set).filter(|_| self.settings.identity.is_none())?;
+        let host = files::text(Path::new("/proc/sys/kernel/hostname"), 256).unwrap_or_default();
+        let person = format!("{user}@{}", if host.trim().is_empty() { "?" } else { host.trim() });
+        Some(person).filter(|person| person.len() <= MAX_PERSON)
     }
 
     /// The same with other settings.
@@ -124,6 +140,7 @@ impl Context {
     /// As the client was opened, printing JSON.
     pub(crate) fn of(client: &xtb_client::Client) -> Self {
         let out = Output { json: true, colors: false };
-        Self { settings: client.settings().clone(), connect_given: false, home: None, out }
+        let settings = client.settings().clone();
+        Self { settings, connect_given: false, home: None, observer: Default::default(), out }
     }
 }

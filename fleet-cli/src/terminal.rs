@@ -103,6 +103,11 @@ impl Terminal {
     }
 }
 
+/// Rings the terminal's bell. One that is gone is noticed elsewhere.
+pub(crate) fn ring() {
+    let _ = execute!(stdout(), style::Print('\x07'));
+}
+
 impl Drop for Terminal {
     fn drop(&mut self) {
         self.keys = None;

@@ -1,7 +1,7 @@
 //! Values on the command line: numbers with units and ranges, and names.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 use xtb_protocol::messages::Latch;
 
 /// The latches by name: completions know them, so they must be written down.
@@ -21,6 +21,13 @@ pub(crate) fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<f64, 
 
 pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
     number(text, 0.01, 86_400.0, "seconds").map(Duration::from_secs_f64)
+}
+
+/// A time, or how long ago.
+pub(crate) fn moment(text: &str) -> Result<SystemTime, String> {
+    let ago = || SystemTime::now().checked_sub(humantime::parse_duration(text).ok()?);
+    let at = humantime::parse_rfc3339_weak(text).ok().or_else(ago);
+    at.ok_or_else(|| "expected a time such as 2026-11-24T08:00:00Z, or a duration such as 24h".to_owned())
 }
 
 /// Seconds from 0 to a day.

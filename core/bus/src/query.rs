@@ -9,8 +9,8 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{
-    DispatchReply, FleetHomes, FleetMap, FleetPlaces, LogReply, Message, ParamReply, Reply, Request, Roster, StandbyReply, TaskList,
-    Truth,
+    DispatchReply, FleetHomes, FleetAlerts, FleetMap, FleetPlaces, HistoryReply, LogReply, Message, ParamReply, Reply, Request,
+    Roster, StandbyReply, TaskList, Truth,
 };
 use xtb_protocol::wire::{self, CodecError};
 use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as Answer};
@@ -34,6 +34,8 @@ fn longest_bytes(channel: &Channel) -> usize {
         Channel::DispatchStandby(_) => StandbyReply::MAX_BYTES,
         Channel::DispatchTasks => TaskList::MAX_BYTES,
         Channel::DispatchHomes => FleetHomes::MAX_BYTES,
+        Channel::DispatchAlerts => FleetAlerts::MAX_BYTES,
+        Channel::DispatchHistory => HistoryReply::MAX_BYTES,
         Channel::SimTruth => Truth::MAX_BYTES,
         Channel::SimRoster => Roster::MAX_BYTES,
         Channel::Alive
@@ -54,6 +56,7 @@ fn longest_bytes(channel: &Channel) -> usize {
         | Channel::TrafficState
         | Channel::DispatchAlive
         | Channel::DispatchEvent
+        | Channel::DispatchAck(_)
         | Channel::Identity(_)
         | Channel::SimStats => wire::MAX_BYTES,
     }

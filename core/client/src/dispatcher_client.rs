@@ -1,5 +1,6 @@
 //! Talking with the fleet's dispatcher: questions that are asked until answered, and news of tasks.
 
+mod history;
 mod pages;
 
 use crate::client::Client;

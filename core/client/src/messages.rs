@@ -7,9 +7,9 @@ use thiserror::Error;
 use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetHomes, FleetMap, FleetPlaces, IdentityStatus, LogRequest, Message,
-    NearState, ParamRequest, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent,
-    TaskList, TrafficState, Truth,
+    About, AckRequest, DispatchRequest, Estop, Event, Fix, FleetHomes, FleetAlerts, FleetMap, FleetPlaces,
+    HistoryRequest, IdentityStatus, LogRequest, Message, NearState, ParamRequest, Request, RobotState, Roster, Route,
+    Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent, TaskList, TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
 
@@ -107,6 +107,12 @@ any_message! {
     Homes(FleetHomes),
     /// A change of a task.
     TaskEvent(TaskEvent),
+    /// What needs a person.
+    Alerts(FleetAlerts),
+    /// A person has seen alerts.
+    AckRequest(AckRequest),
+    /// What a client asks of the history.
+    HistoryRequest(HistoryRequest),
 }
 
 impl AnyMessage {
@@ -167,6 +173,9 @@ impl AnyMessage {
             Channel::Identity(_) => bytes.read::<IdentityStatus>()?.into(),
             Channel::DispatchTasks => bytes.read::<TaskList>()?.into(),
             Channel::DispatchHomes => bytes.read::<FleetHomes>()?.into(),
+            Channel::DispatchAlerts => bytes.read::<FleetAlerts>()?.into(),
+            Channel::DispatchAck(_) => bytes.read::<AckRequest>()?.into(),
+            Channel::DispatchHistory => bytes.read::<HistoryRequest>()?.into(),
             Channel::DispatchEvent => bytes.read::<TaskEvent>()?.into(),
             Channel::Alive | Channel::TrafficAlive | Channel::DispatchAlive => {
                 return Err(Unreadable::Presence);

@@ -6,6 +6,7 @@
 //! old is handed out with its age, never as if it were the present.
 
 mod body;
+pub mod fold;
 pub mod live;
 
 pub use body::{Beam, Body};
@@ -18,8 +19,8 @@ use std::f64::consts::PI;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
-    About, Event, FleetMap, FleetPlaces, MAX_ROSTER, MapPlace, RobotState, RosterEntry, Sensors, SimStats,
-    Suspension, TaskEvent, TaskList, TaskView, TrafficState, Truth,
+    About, Event, FleetAlerts, FleetMap, FleetPlaces, MAX_ROSTER, MapPlace, RobotState, RosterEntry, Sensors,
+    SimStats, Suspension, TaskEvent, TaskList, TaskView, TrafficState, Truth,
 };
 
 /// Points of a trail; 5 cm apart: 20 m.
@@ -150,6 +151,7 @@ pub struct Scene {
     map: Option<FleetMap>,
     places: Option<FleetPlaces>,
     tasks: Option<Seen<TaskList>>,
+    alerts: Option<Seen<FleetAlerts>>,
     traffic: Option<Seen<TrafficState>>,
     truth: Option<Seen<Truth>>,
     simulator: Option<Seen<SimStats>>,
@@ -170,6 +172,7 @@ impl Scene {
             map: None,
             places: None,
             tasks: None,
+            alerts: None,
             traffic: None,
             truth: None,
             simulator: None,
@@ -206,6 +209,7 @@ impl Scene {
             (AnyMessage::Map(map), None) => self.map = Some(*map),
             (AnyMessage::Places(places), None) => self.places = Some(*places),
             (AnyMessage::Tasks(tasks), None) => self.tasks = Some(Seen::new(at_ms, *tasks)),
+            (AnyMessage::Alerts(alerts), None) => self.alerts = Some(Seen::new(at_ms, *alerts)),
             (AnyMessage::Traffic(traffic), None) => self.traffic = Some(Seen::new(at_ms, *traffic)),
             (AnyMessage::Truth(truth), None) => self.truth = Some(Seen::new(at_ms, *truth)),
             (AnyMessage::SimStats(stats), None) => self.simulator = Some(Seen::new(at_ms, *stats)),
@@ -299,6 +303,12 @@ impl Scene {
     #[must_use]
     pub fn suspended(&self) -> &[Suspension] {
         self.tasks.as_ref().filter(|_| self.dispatcher).map_or(&[], |list| &list.value.suspended)
+    }
+
+    /// What needs a person. Nobody knows without the dispatcher.
+    #[must_use]
+    pub fn alerts(&self) -> Option<&FleetAlerts> {
+        self.alerts.as_ref().filter(|_| self.dispatcher).map(|alerts| &alerts.value)
     }
 
     /// What traffic control does.

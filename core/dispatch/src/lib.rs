@@ -17,11 +17,13 @@
 //! * [`assign`]: which robot gets which task, by [`travel_cost`]; [`predicted_free`]: when and where a busy
 //!   robot will be free.
 //! * [`home`]: when a robot goes to a dock or to a parking place by itself.
+//! * [`alerts`]: what needs a person, by rules over the same.
 //! * [`replication`]: when a write counts that a stand-by has to have too, and when the stand-by takes over.
 //!
 //! Times are ms since 1970 and never go back within a run; numbers for ids come in as an argument.
 
 pub mod admission;
+pub mod alerts;
 pub mod assign;
 pub mod dispatcher;
 pub mod home;

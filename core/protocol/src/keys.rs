@@ -244,6 +244,10 @@ channels! {
         DispatchHomes: dispatch_homes, DISPATCH_HOMES, "dispatch/homes", RELIABLE;
         /// [`TaskEvent`](crate::messages::TaskEvent), each change of a task; recoverable.
         DispatchEvent: dispatch_event, DISPATCH_EVENT, "dispatch/event", RELIABLE;
+        /// [`FleetAlerts`](crate::messages::FleetAlerts), what needs a person; also a queryable.
+        DispatchAlerts: dispatch_alerts, DISPATCH_ALERTS, "dispatch/alerts", RELIABLE;
+        /// [`HistoryRequest`](crate::messages::HistoryRequest) → [`HistoryReply`](crate::messages::HistoryReply).
+        DispatchHistory: dispatch_history, DISPATCH_HISTORY, "dispatch/history", RELIABLE;
         /// [`Truth`](crate::messages::Truth) of the simulator, JSON, 20 Hz while somebody listens.
         SimTruth: sim_truth, SIM_TRUTH, "sim/truth", SAMPLES;
         /// [`Roster`](crate::messages::Roster), JSON: which robots the simulator runs, queryable.
@@ -256,6 +260,8 @@ channels! {
         EstopAll: estop_all, ESTOP_ALL, "all/estop", ESTOP;
         /// [`DispatchRequest`](crate::messages::DispatchRequest) → [`DispatchReply`](crate::messages::DispatchReply).
         DispatchCmd: dispatch_cmd, DISPATCH_CMD, "dispatch/cmd", RELIABLE;
+        /// [`AckRequest`](crate::messages::AckRequest) → [`AckReply`](crate::messages::AckReply).
+        DispatchAck: dispatch_ack, DISPATCH_ACK, "dispatch/ack", RELIABLE;
         /// [`StandbyRequest`](crate::messages::StandbyRequest) → [`StandbyReply`](crate::messages::StandbyReply).
         DispatchStandby: dispatch_standby, DISPATCH_STANDBY, "dispatch/standby", RELIABLE;
         /// [`IdentityStatus`](crate::messages::IdentityStatus), JSON: whether the router admits this identity,
@@ -382,6 +388,9 @@ mod tests {
             (fleet.dispatch_tasks(), Channel::DispatchTasks),
             (fleet.dispatch_event(), Channel::DispatchEvent),
             (fleet.dispatch_homes(), Channel::DispatchHomes),
+            (fleet.dispatch_alerts(), Channel::DispatchAlerts),
+            (fleet.dispatch_history(), Channel::DispatchHistory),
+            (fleet.dispatch_ack(Some(&client)), Channel::DispatchAck(client.clone())),
             (fleet.sim_truth(), Channel::SimTruth),
             (fleet.sim_roster(), Channel::SimRoster),
             (fleet.sim_stats(), Channel::SimStats),

@@ -9,8 +9,10 @@ use xtb_protocol::board::FrameWriter;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::gyro_3dmg::EulerFrame;
 use xtb_protocol::messages::{
-    Done, Estop, Estopped, Event, EventKind, FleetMap, FleetPlaces, GoalStatus, MapCell, MapHash, MapPlace,
-    MapZone, MapZoneKind, Message, PlaceKind, RejectCode, Reply, Setpoint,
+    AckBody, AckReply, AckRequest, Acknowledged, Alert, AlertKind, Done, Estop, Estopped, Event, EventKind,
+    FleetAlerts, FleetMap, FleetPlaces, GoalStatus, HistoryEvent, HistoryKind, HistoryPlace, HistoryReply,
+    HistoryRequest, MapCell, MapHash, MapPlace, MapZone, MapZoneKind, Message, PlaceKind, RejectCode, Reply,
+    RobotReport, Setpoint, StopCount,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -229,6 +231,135 @@ fn places_that_cannot_be_are_refused() {
     refused("two corners", &|all| all.places[1].points.truncate(2));
     refused("corner", &|all| all.places[1].points[0][1] = f64::INFINITY);
     refused("many", &|all| all.places = vec![all.places[0].clone(); 501]);
+}
+
+fn alerts() -> FleetAlerts {
+    let by = Name::new("alice").unwrap();
+    let alert = Alert {
+        id: 3,
+        kind: AlertKind::Latched,
+        robot: Some(Name::new("xtb-1").unwrap()),
+        subject: Some("estop".to_owned()),
+        text: "xtb-1 latched".to_owned(),
+        remedy: "reset it".to_owned(),
+        since_ms: 5,
+        acknowledged: Some(Acknowledged { by, person: Some("alice@desk".to_owned()), at_ms: 6 }),
+        ended_ms: None,
+    };
+    FleetAlerts { at_ms: 7, alerts: vec![alert], left_out: 1 }
+}
+
+#[test]
+fn alerts_and_who_has_seen_them() {
+    pinned(
+        &alerts(),
+        concat!(
+            "0701030001057874622d3101056573746f700d7874622d31206c6174636865640872657365742069",
+            "74050105616c696365010a616c696365406465736b060001"
+        ),
+        concat!(
+            r#"{"at_ms":7,"alerts":[{"id":3,"kind":"latched","robot":"xtb-1","subject":"estop","#,
+            r#""text":"xtb-1 latched","remedy":"reset it","since_ms":5,"acknowledged":{"by":"alice","#,
+            r#""person":"alice@desk","at_ms":6},"ended_ms":null}],"left_out":1}"#
+        ),
+    );
+    let person = Some("bob@desk".to_owned());
+    pinned(
+        &AckRequest { body: AckBody::Alerts { ids: vec![3, 5] }, person },
+        "000203050108626f62406465736b",
+        r#"{"body":{"alerts":{"ids":[3,5]}},"person":"bob@desk"}"#,
+    );
+    pinned(
+        &AckRequest { body: AckBody::All {}, person: None },
+        "0100",
+        r#"{"body":{"all":{}},"person":null}"#,
+    );
+    pinned(
+        &AckReply { acknowledged: vec![3], before: vec![4], unknown: vec![9] },
+        "010301040109",
+        r#"{"acknowledged":[3],"before":[4],"unknown":[9]}"#,
+    );
+}
+
+#[test]
+fn acknowledgements_that_cannot_be_are_refused() {
+    let request = |ids: usize, person: Option<&str>| {
+        let person = person.map(str::to_owned);
+        AckRequest { body: AckBody::Alerts { ids: vec![1; ids] }, person }.validate()
+    };
+    request(1, None).unwrap();
+    request(500, Some(&"x".repeat(64))).unwrap();
+    assert!(request(0, None).is_err() && request(501, None).is_err());
+    assert!(request(1, Some("")).is_err() && request(1, Some(&"x".repeat(65))).is_err());
+    let many = FleetAlerts { alerts: vec![alerts().alerts[0].clone(); 501], ..alerts() };
+    assert!(many.validate().is_err());
+}
+
+#[test]
+fn the_fleets_history() {
+    let robot = || Name::new("xtb-1").unwrap();
+    pinned(
+        &HistoryRequest::Events {
+            place: HistoryPlace::After(300),
+            limit: 2,
+            since_ms: Some(5),
+            robot: Some(robot()),
+            kinds: vec![HistoryKind::Goal, HistoryKind::Alert],
+            search: None,
+        },
+        "0000ac0202010501057874622d3102020800",
+        concat!(
+            r#"{"events":{"place":{"after":300},"limit":2,"since_ms":5,"robot":"xtb-1","#,
+            r#""kinds":["goal","alert"],"search":null}}"#
+        ),
+    );
+    pinned(
+        &HistoryRequest::Report { from_ms: 1, to_ms: 2 },
+        "010102",
+        r#"{"report":{"from_ms":1,"to_ms":2}}"#,
+    );
+    let event = HistoryEvent {
+        id: 4,
+        at_ms: 7,
+        robot: Some(robot()),
+        kind: HistoryKind::Latch,
+        about: Some("estop".to_owned()),
+        text: "xtb-1 LATCHED".to_owned(),
+    };
+    pinned(
+        &HistoryReply::Events { now_ms: 9, events: vec![event], more: true },
+        "000901040701057874622d310501056573746f700d7874622d31204c41544348454401",
+        concat!(
+            r#"{"events":{"now_ms":9,"events":[{"id":4,"at_ms":7,"robot":"xtb-1","kind":"latch","#,
+            r#""about":"estop","text":"xtb-1 LATCHED"}],"more":true}}"#
+        ),
+    );
+    let report = RobotReport {
+        robot: robot(),
+        heard_s: 2.0,
+        active_s: 1.5,
+        driving_s: 0.5,
+        driven_m: 0.25,
+        done: 4,
+        failed: 1,
+        stops: vec![StopCount { reason: "way_blocked".to_owned(), count: 2 }],
+        battery_min_v: Some(7.5),
+        battery_v: None,
+    };
+    pinned(
+        &HistoryReply::Report { robots: vec![report] },
+        concat!(
+            "0101057874622d310000000000000040000000000000f83f000000000000e03f000000000000d03f",
+            "0401010b7761795f626c6f636b656402010000000000001e4000"
+        ),
+        concat!(
+            r#"{"report":{"robots":[{"robot":"xtb-1","heard_s":2.0,"active_s":1.5,"driving_s":0.5,"#,
+            r#""driven_m":0.25,"done":4,"failed":1,"stops":[{"reason":"way_blocked","count":2}],"#,
+            r#""battery_min_v":7.5,"battery_v":null}]}}"#
+        ),
+    );
+    let message = "no".to_owned();
+    pinned(&HistoryReply::Failed { message }, "02026e6f", r#"{"failed":{"message":"no"}}"#);
 }
 
 #[test]

@@ -4,6 +4,8 @@
 // so a slow page makes the server leave frames out and nobody wait.
 
 import { render } from "./vendor/lit-html.js";
+import { Alarm, alertBadge, alertPanel } from "./alerts.js";
+import { events, history } from "./events.js";
 import { GoalTool } from "./goal_tool.js";
 import { Drive } from "./drive.js";
 import { Picture } from "./draw.js";
@@ -27,6 +29,7 @@ const PANELS_SLOW_MS = 1000; // when pictures are too few
 const SILENT_MS = 1000; // no frame for so long: nothing is known, whatever the socket says
 const WAKES_MS = 400; // a page that was hidden gets its first frame within this: no banner for so short a time
 const SAID_MS = 8000;
+const HIDDEN_MS = 1000; // a hidden page answers its frames this late
 const WIDE = matchMedia("(min-width: 1151px)");
 const CALM = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -36,6 +39,7 @@ const canvas = byId("floor");
 const picture = new Picture(canvas);
 const view = new View(canvas);
 const playback = new PlaybackBar(byId("playback"));
+const alarm = new Alarm();
 let unseen = null; // number of the frame that is not answered yet
 let panelsMs = 0;
 let stop = null; // what became of the last emergency stop
@@ -78,16 +82,32 @@ function take(message) {
   const kind = store.take(message, performance.now());
   if (kind === "frame") {
     unseen = message.frame.n;
+    // No picture is drawn of a hidden page; alerts come with the frames.
+    if (document.hidden) setTimeout(answerFrame, HIDDEN_MS);
     if (store.selected === null && store.robots.size > 0 && WIDE.matches) act.select([...store.robots.keys()][0], false);
   } else if (kind === "teleop") {
     drive.update();
   } else if (kind === "happenings") {
     byId("event-said").textContent = message.happenings.map((one) => happening(one)[0]).slice(-3).join("; ");
+  } else if (kind === "alerts") {
+    title();
   } else if (kind === "map") {
     [fitted, view.touched] = [false, false];
   }
   if (kind !== "frame") changed();
   moved = true;
+}
+
+function answerFrame() {
+  if (unseen === null) return;
+  link.send({ seen: unseen });
+  unseen = null;
+}
+
+// With how many alerts are open, also of a page that is hidden.
+function title() {
+  const calls = alarm.update(store);
+  document.title = `${calls}XTB ${store.hello?.fleet ?? "fleet"}`;
 }
 
 // The panels are drawn anew with the next picture.
@@ -146,6 +166,21 @@ function actions() {
     reset: (robot) => ask({ reset: { robot } }, `Reset of ${robot}`),
     resetAll: () => ask({ reset_all: {} }, "Reset of all"),
     cancel: (task) => ask({ cancel: { task } }, `Cancel of ${task}`),
+    acknowledge: (ids) => ask({ acknowledge: { ids } }, "Acknowledgement"),
+    muteAlerts() {
+      alarm.mute();
+      changed();
+    },
+    notifyAlerts: () => alarm.askForNotifications(changed),
+    async searchEvents() {
+      const text = history.text.trim();
+      history.found = null;
+      if (text) {
+        const { ok, error } = await link.command({ events: { search: text } });
+        Object.assign(history, { found: ok?.events ?? [], more: ok?.more ?? false, error: error?.message ?? null, asked: text });
+      }
+      changed();
+    },
     activate: () => ask({ activate: {} }, "Activation of the dispatcher"),
     adopt: () => ask({ adopt: {} }, "Adoption of tasks"),
     async submit() {
@@ -254,18 +289,19 @@ function drawPanels(nowMs) {
   render(robotList(store, act), byId("robots"));
   render(robotPanel(store, act, look), byId("robot"));
   if (tab === "tasks") render(taskPanel(store, act, look), byId("tasks"));
-  if (tab === "events") render(panels.events(store, nowMs), byId("events"));
+  if (tab === "events") render(events(store, act, nowMs), byId("events"));
+  if (tab === "alerts") render(alertPanel(store, act, alarm), byId("alerts"));
   render(panels.tools(store, act, look), byId("map-tools"));
   render(panels.zoom(act), byId("map-zoom"));
   render(panels.note(store, act, look), byId("map-note"));
   render(panels.pace(pace, store), byId("pace"));
-  if (tab !== "tasks" && tab !== "events") plots.draw(store.samples, (name) => document.querySelector(`[data-plot="${name}"]`));
+  if (!["tasks", "events", "alerts"].includes(tab)) plots.draw(store.samples, (name) => document.querySelector(`[data-plot="${name}"]`));
 }
 
 function drawHeader(nowMs) {
   const { hello } = store;
   byId("fleet").textContent = hello?.fleet ?? "fleet";
-  if (hello) document.title = `XTB ${hello.fleet}`;
+  if (hello) title();
   const [words, tone, alarm] = connection(nowMs);
   const state = byId("link");
   state.className = `link ${tone}`;
@@ -280,6 +316,7 @@ function drawHeader(nowMs) {
   byId("estop").disabled = Boolean(readOnly);
   if (hello?.live === false) playback.begin();
   render(whoMenu(hello), byId("who"));
+  render(alertBadge(store, act), byId("alert-count"));
   render(panels.services(store), byId("services"));
   render(speedLimit(store, (mps) => link.command({ speed_limit: { mps } }), changed), byId("speed"));
 }
@@ -373,10 +410,7 @@ function animate(nowMs) {
       CALM.matches ? Infinity : nowMs);
   }
   if (store.frameAtMs !== null) pace.drew(nowMs);
-  if (unseen !== null) {
-    link.send({ seen: unseen });
-    unseen = null;
-  }
+  answerFrame();
   const every = pace.level >= 5 ? PANELS_SLOW_MS : PANELS_EVERY_MS;
   if (nowMs - panelsMs >= every || panelsMs === 0) drawPanels(nowMs);
 }
@@ -388,6 +422,7 @@ theme(byId("theme"), () => {
 });
 stopAll();
 document.addEventListener("visibilitychange", () => {
+  answerFrame();
   awakeMs = performance.now();
   pace.restart(awakeMs);
 });

@@ -1,11 +1,10 @@
-// The rest of the panels: tabs, events, what became of an emergency stop, the tools on the map, the header.
+// The rest of the panels: tabs, what became of an emergency stop, the tools on the map, the header.
 
 import { html, nothing } from "./vendor/lit-html.js";
-import { repeat } from "./vendor/directives/repeat.js";
 import { form } from "./tasks.js";
-import { age, degrees, happening, number, point } from "./words.js";
+import { degrees, number, point } from "./words.js";
 
-export const TABS = { robots: "Robots", robot: "Robot", tasks: "Tasks", events: "Events" };
+export const TABS = { robots: "Robots", robot: "Robot", tasks: "Tasks", events: "Events", alerts: "Alerts" };
 
 export function tabs(shown, store, act) {
   const title = (name) => (name === "robot" && store.selected ? store.selected : TABS[name]);
@@ -20,17 +19,6 @@ export function tabs(shown, store, act) {
   return Object.keys(TABS).map((name) => html`<button type="button" role="tab" id="tab-${name}" data-for=${name}
     aria-selected=${shown === name} aria-controls=${name} tabindex=${shown === name ? 0 : -1}
     @keydown=${key} @click=${() => act.tab(name)}>${title(name)}</button>`);
-}
-
-export function events(store, nowMs) {
-  const rows = store.happenings.toReversed();
-  const serverMs = store.serverMs(nowMs);
-  return html`<h2>Events</h2>
-    <ol class="event-list">${repeat(rows, (one) => one.number, (one) => {
-      const [text, tone] = happening(one);
-      return html`<li><time>−${age(Math.max(0, serverMs - one.at_ms)).replace(/\.\d s$/, " s").replace(/^\d+ ms$/, "0 s")}</time><span class=${tone}>${text}</span></li>`;
-    })}</ol>
-    ${rows.length === 0 ? html`<p class="empty">No events yet.</p>` : nothing}`;
 }
 
 // `stop`: {who, pending, robots: {name: "stopped" | "unknown"}, error}

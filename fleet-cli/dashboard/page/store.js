@@ -18,6 +18,7 @@ export class Store {
   silent = false; // no frame comes any more, though the socket is open
   #known = null; // robots of the last frame while silent: the next frame leaves out what was in it
   tasks = null;
+  alerts = null; // {alerts, left_out}; null = unknown
   happenings = []; // the newest last
   teleop = null; // {robot, state, why}
   selected = null;
@@ -83,6 +84,9 @@ export class Store {
         break;
       case "tasks":
         this.tasks = body;
+        break;
+      case "alerts":
+        this.alerts = body;
         break;
       case "happenings":
         this.happenings = this.happenings.concat(body).slice(-HAPPENINGS);

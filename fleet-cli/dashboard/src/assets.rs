@@ -37,6 +37,8 @@ macro_rules! asset {
 const FILES: &[Asset] = &[
     Asset { path: SIGN_IN, content_type: HTML, bytes: include_bytes!("../page/sign_in.html") },
     Asset { path: "/", content_type: HTML, bytes: include_bytes!("../page/index.html") },
+    asset!("alerts.js", JS),
+    asset!("events.js", JS),
     asset!("goal_tool.js", JS),
     asset!("draw.js", JS),
     asset!("drive.js", JS),

@@ -280,6 +280,8 @@ async fn carry_out(client: &Client, known: &[Name], command: Command) -> Result<
         Command::Cancel { task } => execute::cancel(client, task).await,
         Command::Activate {} => execute::activate(client).await,
         Command::Adopt {} => execute::adopt(client).await,
+        Command::Acknowledge { ids } => execute::acknowledge(client, ids).await,
+        Command::Events { search } => execute::events(client, search).await,
         Command::Teleop { .. } | Command::TeleopEnd {} => Ok(json!({})),
     }
 }

@@ -89,6 +89,16 @@ pub(super) enum Command {
     Activate {},
     /// Take the tasks of other maps over to the fleet's.
     Adopt {},
+    /// Say that alerts were seen.
+    Acknowledge {
+        /// Which.
+        ids: Vec<u64>,
+    },
+    /// The newest events of the history with this in their words.
+    Events {
+        /// What.
+        search: String,
+    },
     /// Begin to drive by hand.
     Teleop {
         /// Whom.
@@ -115,6 +125,8 @@ impl Command {
             Self::Cancel { .. } => "cancel",
             Self::Activate {} => "activate",
             Self::Adopt {} => "adopt",
+            Self::Acknowledge { .. } => "acknowledge",
+            Self::Events { .. } => "events",
             Self::Teleop { .. } => "teleop",
             Self::TeleopEnd {} => "teleop_end",
         }
@@ -131,9 +143,12 @@ impl Command {
             | Self::SpeedLimit { .. }
             | Self::Teleop { .. }
             | Self::TeleopEnd {} => Action::Drive,
-            Self::Submit { .. } | Self::Cancel { .. } | Self::Activate {} | Self::Adopt {} => {
-                Action::ChangeTasks
-            }
+            Self::Submit { .. }
+            | Self::Cancel { .. }
+            | Self::Activate {}
+            | Self::Adopt {}
+            | Self::Acknowledge { .. } => Action::ChangeTasks,
+            Self::Events { .. } => Action::Look,
         }
     }
 
@@ -148,6 +163,8 @@ impl Command {
             | Self::Cancel { .. }
             | Self::Activate {}
             | Self::Adopt {}
+            | Self::Acknowledge { .. }
+            | Self::Events { .. }
             | Self::TeleopEnd {} => None,
         }
     }
@@ -213,6 +230,8 @@ mod tests {
             r#"{"do": {"id": 6, "command": {"cancel": {"task": "t17"}}}}"#,
             r#"{"do": {"id": 7, "command": {"teleop": {"robot": "xtb-1", "take": false}}}}"#,
             r#"{"do": {"id": 8, "command": {"teleop_end": {}}}}"#,
+            r#"{"do": {"id": 9, "command": {"acknowledge": {"ids": [3, 5]}}}}"#,
+            r#"{"do": {"id": 10, "command": {"events": {"search": "xtb-1"}}}}"#,
             r#"{"setpoint": {"seq": 1, "seen": 7, "throttle": 0.5, "steering": -1}}"#,
         ] {
             assert!(read(text).is_some(), "{text}");

@@ -13,8 +13,14 @@ use xtb_client::reset::{self, ResetCandidates, ResetReport};
 use xtb_client::text::reasons;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_client::{estop, params, stop};
-use xtb_protocol::messages::{DispatchBody, LinkLoss, ParamValue, TaskId, TaskSpec, Via};
+use xtb_protocol::messages::{
+    AckBody, AckRequest, DispatchBody, HistoryPlace, HistoryReply, HistoryRequest, LinkLoss, ParamValue, TaskId,
+    TaskSpec, Via,
+};
 use xtb_protocol::{Name, Uuid};
+
+/// Events that a search shows at most.
+const FOUND: u32 = 100;
 
 /// Where to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -124,6 +130,28 @@ pub(crate) async fn cancel(client: &Client, task: TaskId) -> Result<Value> {
     }
     let state = changes.tasks.first().and_then(|change| change.state);
     Ok(json!({ "task": task, "status": state.map(|state| reasons::name(&state)) }))
+}
+
+/// Says that alerts were seen, in this page's name.
+pub(crate) async fn acknowledge(client: &Client, ids: Vec<u64>) -> Result<Value> {
+    let request = AckRequest { body: AckBody::Alerts { ids }, person: None };
+    value(&DispatcherClient::of(client).acknowledge(&request).await?)
+}
+
+/// The newest events of the history with these words, oldest first.
+pub(crate) async fn events(client: &Client, search: String) -> Result<Value> {
+    let request = HistoryRequest::Events {
+        place: HistoryPlace::Newest,
+        limit: FOUND,
+        since_ms: None,
+        robot: None,
+        kinds: Vec::new(),
+        search: Some(search),
+    };
+    match DispatcherClient::of(client).history(&request).await? {
+        HistoryReply::Events { events, more, .. } => Ok(json!({ "events": events, "more": more })),
+        _ => Err(Error::new(ErrorKind::Failed, "not an answer to a question for events")),
+    }
 }
 
 fn report(client: &Client, (report, missing): (StopReport, MissingInfo)) -> Result<Value> {

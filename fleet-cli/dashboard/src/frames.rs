@@ -14,9 +14,9 @@ use xtb_nav::MapPose;
 use xtb_nav::geometry::path::Piece;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    About, BatteryLevel, Fault, FleetMap, GoalKind, GoalStatus, Latch, MapHash, MapPlace, ObstacleView,
-    RobotState, RouteState, Sensors, StopReason, Suspension, SuspensionCause, TaskId, TaskList, TiltState,
-    Track,
+    About, BatteryLevel, Fault, FleetAlerts, FleetMap, GoalKind, GoalStatus, Latch, MapHash, MapPlace,
+    ObstacleView, RobotState, RouteState, Sensors, StopReason, Suspension, SuspensionCause, TaskId, TaskList,
+    TiltState, Track,
 };
 
 /// Between two points of a path that is drawn, in m.
@@ -38,6 +38,8 @@ pub(super) enum ToPage {
     Frame(Box<Frame>),
     /// When a new list has come.
     Tasks(Box<TaskList>),
+    /// When they have changed; `None` = nobody knows them.
+    Alerts(Option<Box<FleetAlerts>>),
     /// New ones.
     Happenings(Vec<SceneEvent>),
     /// To a command.
@@ -163,6 +165,8 @@ pub(super) struct Known {
     places: Vec<MapPlace>,
     /// When the list came, and from when it is.
     tasks: Option<(AtMs, u64)>,
+    /// As they were sent last.
+    alerts: Option<FleetAlerts>,
     /// Number of the last happening.
     happened: u64,
     robots: BTreeMap<Name, KnownRobot>,
@@ -196,6 +200,7 @@ impl Known {
         news.extend(self.map(scene));
         news.extend(self.places(scene));
         news.extend(self.tasks(scene));
+        news.extend(self.alerts(scene));
         news.extend(self.happenings(scene));
         news.push(ToPage::Frame(Box::new(self.frame(scene, moment, watch))));
         news
@@ -222,6 +227,18 @@ impl Known {
         (self.tasks != came).then(|| {
             self.tasks = came;
             ToPage::Tasks(Box::new(seen.value.clone()))
+        })
+    }
+
+    fn alerts(&mut self, scene: &Scene) -> Option<ToPage> {
+        let same = match (&self.alerts, scene.alerts()) {
+            (Some(known), Some(now)) => known.alerts == now.alerts && known.left_out == now.left_out,
+            (None, None) => true,
+            _ => false,
+        };
+        (!same).then(|| {
+            self.alerts = scene.alerts().cloned();
+            ToPage::Alerts(self.alerts.clone().map(Box::new))
         })
     }
 

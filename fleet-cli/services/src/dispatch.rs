@@ -2,12 +2,14 @@
 //!
 //! What it decides is [`xtb_dispatch`]'s; here are its clock, its Zenoh and its disk. `event_loop` is the
 //! loop, `request_queue` answers questions, `robot_client` talks to robots, `map_watch` looks for roster and map
-//! and runs traffic control, `store` opens the ledger, `usage` counts what the robots did. `standby` follows
+//! and runs traffic control, `store` opens the ledger, `usage` counts what the robots did, `observer` raises alerts and
+//! keeps the fleet's history. `standby` follows
 //! another dispatcher and takes over from it, `standby_link` is that dispatcher's end.
 
 mod event_loop;
 mod flying;
 mod map_watch;
+mod observer;
 mod request_queue;
 mod robot_client;
 pub mod standby;
@@ -15,8 +17,11 @@ mod standby_link;
 pub mod store;
 pub mod usage;
 
+pub use observer::{ObserverCounters, ObserverSettings};
+
 use crate::ledger;
 use schemars::JsonSchema;
+use observer::Observer;
 use serde::Serialize;
 use standby_link::StandbyLink;
 use std::path::Path;
@@ -64,6 +69,8 @@ pub struct Counters {
     pub standby_overloaded: u64,
     /// The ledger's own.
     pub ledger: ledger::Counters,
+    /// Of alerts and history.
+    pub observer: ObserverCounters,
 }
 
 /// What a dispatcher is started with beside its ledger.
@@ -128,6 +135,7 @@ impl DispatchService {
         client: &Client,
         store: Store,
         Floor { map, home }: Floor,
+        observer: ObserverSettings,
         within: Duration,
     ) -> Result<Self> {
         store.no_copy()?;
@@ -144,8 +152,9 @@ impl DispatchService {
         let (stop, stopped) = oneshot::channel();
         let none = Standing::of(&dispatcher, now.ms(), Counters::default(), Usage::default());
         let (told, standing) = watch::channel(none);
+        let observer = Observer::open(client, now, &path, observer).await?;
         let ledger = event_loop::Held { ledger: store.ledger, read, link };
-        let work = event_loop::Work::new(client, now, dispatcher, ledger, map, told).await?;
+        let work = event_loop::Work::new(client, now, dispatcher, ledger, map, observer, told).await?;
         let working = tokio::spawn(run(work, stopped, token));
         Ok(Self { working, standing, stop: Some(stop) })
     }

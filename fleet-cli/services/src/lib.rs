@@ -2,7 +2,9 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod alert_outlets;
 pub mod dispatch;
+pub mod history;
 pub mod ledger;
 pub mod map_server;
 pub mod ros2;

@@ -9,6 +9,7 @@ mod link;
 mod records;
 mod session;
 
+pub(crate) use broker::trusting;
 pub use broker::{Broker, Login};
 
 use records::Records;

@@ -9,6 +9,7 @@ use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
+use crate::values::moment;
 use clap::Args;
 use command::Command;
 use std::path::PathBuf;
@@ -46,12 +47,6 @@ pub struct AuditArgs {
     /// Only from then on: a time such as 2026-11-24T08:00:00Z, or how long ago, such as 24h.
     #[arg(long, value_name = "TIME", value_parser = moment)]
     pub since: Option<SystemTime>,
-}
-
-fn moment(text: &str) -> std::result::Result<SystemTime, String> {
-    let ago = || SystemTime::now().checked_sub(humantime::parse_duration(text).ok()?);
-    let at = humantime::parse_rfc3339_weak(text).ok().or_else(ago);
-    at.ok_or_else(|| "expected a time such as 2026-11-24T08:00:00Z, or a duration such as 24h".to_owned())
 }
 
 /// What it prints with `--json`.

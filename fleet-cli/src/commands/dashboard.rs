@@ -266,7 +266,8 @@ mod tests {
         let mut settings = xtb_client::Settings::new("lab").unwrap();
         settings.identity =
             identity.map(|identity| Enrolled { folder: "/etc/xtb/dashboard".into(), identity });
-        Context { settings, connect_given: false, home: None, out: Output { json: true, colors: false } }
+        let home: None, out = Output { json: true, colors: false };
+        Context { settings, connect_given: false, observer: Default::default(), out }
     }
 
     fn identity(name: &str, role: Role, page: Option<Page>) -> Identity {

@@ -1,5 +1,6 @@
 //! One verb a file: its arguments, then what it does. A new verb is a file and its lines here.
 
+pub mod alerts;
 pub mod audit;
 pub mod change;
 pub mod completions;
@@ -9,6 +10,7 @@ pub mod dispatch;
 pub mod doctor;
 pub mod enrol;
 pub mod estop;
+pub mod events;
 pub mod export;
 pub mod extend;
 pub mod fetch_log;
@@ -24,6 +26,7 @@ pub mod place;
 pub mod plan;
 pub mod play;
 pub mod record;
+pub mod report;
 pub mod reset;
 pub mod rights;
 pub mod router;
@@ -127,6 +130,12 @@ pub enum Verb {
     Retry(change::RetryArgs),
     /// Add points to a route that has not ended.
     Extend(extend::ExtendArgs),
+    /// Show what needs a person, and acknowledge it.
+    Alerts(alerts::AlertsArgs),
+    /// Show what happened in the fleet, from the dispatcher's history.
+    Events(events::EventsArgs),
+    /// Show what each robot did on a day: metres, hours, tasks, stops, battery.
+    Report(report::ReportArgs),
     /// Show and control the fleet in a browser.
     Dashboard(dashboard::DashboardArgs),
     /// Make, renew and revoke identities: who belongs to the fleet.
@@ -247,6 +256,10 @@ async fn carry_out(
         Verb::Resume(args) => changing(change::resume(&ctx()?, args)).await,
         Verb::Retry(args) => changing(change::retry(&ctx()?, args)).await,
         Verb::Extend(args) => changing(extend::run(&ctx()?, args)).await,
+        Verb::Alerts(args) if args.watch => alerts::watch(&ctx()?, &args).await,
+        Verb::Alerts(args) => or_interrupted(alerts::run(&ctx()?, &args)).await,
+        Verb::Events(args) => events::run(&ctx()?, &args).await,
+        Verb::Report(args) => or_interrupted(report::run(&ctx()?, &args)).await,
         Verb::FetchLog(args) => fetch_log::run(&ctx()?, &args).await,
         Verb::Map(args) => map::run(&ctx()?, &args).await,
         Verb::Place(args) => or_interrupted(place::run(&ctx()?, &args)).await,

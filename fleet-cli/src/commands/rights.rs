@@ -1,6 +1,7 @@
 //! What each verb needs, so that who may not is told before anything is sent.
 
 use super::Verb;
+use super::alerts::{AlertsArgs, AlertsVerb};
 use super::dispatch::DispatchVerb;
 use super::map::MapVerb;
 use super::traffic::TrafficVerb;
@@ -33,6 +34,8 @@ pub fn needed(verb: &Verb) -> Option<Action> {
             MapVerb::Show(args) => args.live.then_some(Action::Look),
             MapVerb::Check(_) | MapVerb::Import(_) => None,
         },
+        Verb::Alerts(AlertsArgs { verb: Some(AlertsVerb::Ack(_)), .. }) => Some(Action::ChangeTasks),
+        Verb::Alerts(_) | Verb::Events(_) | Verb::Report(_) => Some(Action::Look),
         Verb::Place(args) => args.needs_session().then_some(Action::Look),
         Verb::Traffic(args) => Some(match &args.verb {
             TrafficVerb::Serve(_) => Action::ServeTraffic,

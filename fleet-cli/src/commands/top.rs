@@ -13,7 +13,7 @@ use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::output::Tone;
 use crate::recording::playback_worker::{PlayStatus, PlaybackWorker};
-use crate::terminal::Terminal;
+use crate::terminal::{Terminal, ring};
 use crate::tui::top::{Action, Cockpit, Outcome, Playing, Setup, Theme};
 use clap::Args;
 use ratatui::backend::CrosstermBackend;
@@ -229,6 +229,9 @@ impl Shell<'_> {
             let (now_ms, scene) = (shared.now_ms(), shared.lock());
             cockpit.draw(frame, &scene, now_ms);
         })?;
+        if self.cockpit.take_bell() {
+            ring();
+        }
         Ok(())
     }
 

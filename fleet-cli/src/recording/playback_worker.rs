@@ -241,18 +241,20 @@ impl Projector {
         self.reader = Reader::open(self.reader.path())?;
         self.next = None;
         self.scene.rewind(Scene::new(self.fleet.clone()), player.position_ms());
-        let (mut tasks, mut map, mut places) = (None, None, None);
+        let (mut tasks, mut alerts, mut map, mut places) = (None, None, None, None);
         while let Some(message) = self.due(player)? {
             match Key::parse(&message.topic).map(|key| key.channel) {
                 // Long ones, of which the last holds.
                 Some(Channel::DispatchTasks) => tasks = Some(message),
+                Some(Channel::DispatchAlerts) => alerts = Some(message),
                 Some(Channel::Map) => map = Some(message),
                 Some(Channel::Places) => places = Some(message),
                 Some(channel) if !player.is_needed(message.log_ns, &channel) => {}
                 _ => self.show(player, &message),
             }
         }
-        map.into_iter().chain(places).chain(tasks).for_each(|message| self.show(player, &message));
+        let last = [map, places, tasks, alerts].into_iter().flatten();
+        last.for_each(|message| self.show(player, &message));
         Ok(false)
     }
 

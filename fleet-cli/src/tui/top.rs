@@ -9,6 +9,7 @@
 //! Stops come first: `s`, `S`, `e` and `E` mean the same in every overlay and while driving, and need
 //! no second key.
 
+mod alerts;
 mod commands;
 mod detail;
 mod events;
@@ -174,6 +175,7 @@ enum Modal {
 enum Pane {
     Events,
     Tasks,
+    Alerts,
 }
 
 /// The whole state of the screen.
@@ -185,6 +187,12 @@ pub(crate) struct Cockpit {
     view: View,
     floor: Option<Floor>,
     pane: Pane,
+    /// Each event below the line of its drive.
+    details: bool,
+    /// Number of the newest alert that was told of.
+    alerts_seen: u64,
+    /// The bell is to ring.
+    rings: bool,
     over: Option<Modal>,
     commands: Commands,
     grip: Option<Grip>,
@@ -206,6 +214,9 @@ impl Cockpit {
             view: View::new(),
             floor: None,
             pane: Pane::Events,
+            details: false,
+            alerts_seen: 0,
+            rings: false,
             over: None,
             commands: Commands::default(),
             grip: None,

@@ -5,6 +5,7 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+mod alerts;
 mod driver;
 mod driving;
 mod foreign;

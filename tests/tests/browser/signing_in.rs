@@ -87,7 +87,7 @@ async fn at(browser: &Browser, path: &str) {
 }
 
 /// For whoever wants to see it: `XTB_SCREENS` names a folder.
-async fn screen(browser: &Browser, name: &str) {
+pub(crate) async fn screen(browser: &Browser, name: &str) {
     let Some(folder) = std::env::var_os("XTB_SCREENS") else { return };
     for (size, width, height) in [("desktop", 1440, 900), ("phone", 390, 844)] {
         let metrics =

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+mod alerts;
 mod attacker;
 mod board_firmware;
 mod circles;

@@ -107,18 +107,19 @@ pub(super) fn rows(kind: Kind) -> &'static [Row] {
         }
         Kind::Places => &[Row(Put, &[P::Map], &[P::Look]), Row(Ask, &[P::Look], &[P::Map])],
         Kind::DispatchAlive => &[Row(Alive, &[P::Dispatcher], &[P::Look])],
-        Kind::DispatchTasks => {
+        Kind::DispatchTasks | Kind::DispatchAlerts => {
             &[Row(Put, &[P::Dispatcher], &[P::Look]), Row(Ask, &[P::Look], &[P::Dispatcher])]
         }
         Kind::DispatchHomes => &[Row(Ask, &[P::Look], &[P::Dispatcher])],
         Kind::DispatchEvent => &[Row(Event, &[P::Dispatcher], &[P::Look])],
+        Kind::DispatchHistory => &[Row(Ask, &[P::Look], &[P::Dispatcher])],
         // Simulators of one world meet each other's robots.
         Kind::SimTruth => &[Row(Put, &[P::Simulator], &[P::Look, P::Simulator])],
         Kind::SimRoster => &[Row(Ask, &[P::Look], &[P::Simulator])],
         Kind::SimStats => &[Row(Put, &[P::Simulator], &[P::Look]), Row(Ask, &[P::Look], &[P::Simulator])],
         // The dispatcher suspends itself.
         Kind::EstopAll => &[Row(Put, &[P::Stop], &[P::Robot, P::Dispatcher])],
-        Kind::DispatchCmd => &[Row(Ask, &[P::Drive], &[P::Dispatcher])],
+        Kind::DispatchCmd | Kind::DispatchAck => &[Row(Ask, &[P::Drive], &[P::Dispatcher])],
         // Anybody who drives may ask how it stands; a stand-by has to be a dispatcher.
         Kind::DispatchStandby => &[Row(Ask, &[P::Drive, P::Dispatcher], &[P::Dispatcher])],
         Kind::Identity => &[Row(Ask, &[P::Anybody], &[P::Router])],

@@ -184,7 +184,7 @@ fn key_exprs(keys: &FleetKeys, wanted: Wanted) -> Vec<String> {
     let robots = keys.any_robot();
     let mut found = vec![robots.alive(), robots.state(), robots.event(), robots.about()];
     found.extend([keys.map(), keys.places(), keys.sim_roster(), keys.dispatch_tasks(), keys.traffic_state()]);
-    found.push(keys.sim_stats());
+    found.extend([keys.dispatch_alerts(), keys.sim_stats()]);
     found.extend(wanted.sensors.then(|| robots.sensors()));
     found.extend(wanted.truth.then(|| keys.sim_truth()));
     found

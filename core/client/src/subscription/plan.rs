@@ -56,7 +56,8 @@ impl Plan {
         let [states, abouts, rosters] = asks;
         let presence = overlap(expression, any::ALIVE);
         let events = intersect(expression, any::EVENT);
-        let maps = [any::MAP, any::PLACES].map(|pattern| overlap(expression, pattern)).concat();
+        let long = [any::MAP, any::PLACES, any::DISPATCH_ALERTS];
+        let long = long.map(|pattern| overlap(expression, pattern)).concat();
         let answers: Vec<String> = abouts.into_iter().chain(rosters).collect();
         match last_chunk(expression) {
             "alive" if !presence.is_empty() => return Ok(Self::Presence),
@@ -65,8 +66,8 @@ impl Plan {
                 return Ok(Self::Events);
             }
             // Long, so not within wider expressions.
-            "map" | "places" if !maps.is_empty() => {
-                return Ok(Self::Messages { ask: maps, presence: Vec::new() });
+            "map" | "places" | "alerts" if !long.is_empty() => {
+                return Ok(Self::Messages { ask: long, presence: Vec::new() });
             }
             "about" | "roster" if !answers.is_empty() => return Ok(Self::Answers(answers)),
             _ => {}
@@ -83,7 +84,7 @@ impl Plan {
 
 /// Keys on which messages are published that whoever looks may hear, each message on one of them: without the same
 /// once more in JSON.
-const HEARD: [&str; 11] = [
+const HEARD: [&str; 12] = [
     any::STATE,
     any::SENSORS,
     any::EVENT,
@@ -93,6 +94,7 @@ const HEARD: [&str; 11] = [
     any::MAP,
     any::PLACES,
     any::DISPATCH_TASKS,
+    any::DISPATCH_ALERTS,
     any::SIM_TRUTH,
     any::SIM_STATS,
 ];
@@ -238,6 +240,7 @@ mod tests {
             ("xtb/lab/*/teleop/*", messages(&[], &[])),
             ("xtb/lab/map", messages(&["xtb/lab/map"], &[])),
             ("xtb/**/map", messages(&["xtb/*/map"], &[])),
+            ("xtb/lab/dispatch/alerts", messages(&["xtb/lab/dispatch/alerts"], &[])),
             ("ros/**", messages(&[], &[])),
         ] {
             assert_eq!(Plan::of(expression), Ok(plan), "{expression}");

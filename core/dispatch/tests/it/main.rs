@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+mod alerts;
 mod assigning;
 mod bench;
 mod dialogues;

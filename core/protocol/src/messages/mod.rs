@@ -5,12 +5,14 @@
 //! the types cannot: finite, in range, bounded.
 
 mod about;
+mod alerts;
 mod assign;
 mod dispatch;
 mod event;
 mod fault;
 mod goal;
 mod home;
+mod history;
 mod identity;
 mod latch;
 mod log;
@@ -32,6 +34,10 @@ pub use about::{
     About, BOARD_FIRMWARE, Limits, NEXT_LEG, ParameterInfo, REALTIME, REALTIME_OFF, REALTIME_ON,
     REALTIME_REMEDY, SPEAKS,
 };
+pub use alerts::{
+    AckBody, AckReply, AckRequest, Acknowledged, Alert, AlertKind, AlertState, FleetAlerts, MAX_ALERT_TEXT,
+    MAX_ALERTS, MAX_PERSON,
+};
 pub use assign::{Assignment, MAX_ASSIGN_SEQ, MAX_LEDGER, MAX_LEG, TaskAction};
 pub use dispatch::{
     Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
@@ -42,6 +48,10 @@ pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
 pub use goal::{GoalEnd, GoalKind, GoalState, GoalStatus};
 pub use home::{FleetHomes, HomeStatus, RobotHome};
+pub use history::{
+    HistoryEvent, HistoryKind, HistoryPlace, HistoryReply, HistoryRequest, MAX_HISTORY_PAGE, MAX_SEARCH,
+    RobotReport, StopCount,
+};
 pub use identity::IdentityStatus;
 pub use latch::{Latch, LatchState, STOP_SWITCH};
 pub use log::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS, MAX_PIECE, RecordingName};

@@ -195,6 +195,7 @@ fn holds(channel: &Channel) -> bool {
             | Channel::Map
             | Channel::Places
             | Channel::DispatchTasks
+            | Channel::DispatchAlerts
             | Channel::SimRoster
     )
 }

@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 use xtb_client::messages::AnyMessage;
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetMap, FleetPlaces, LogRequest, Message, Request,
-    RobotState, Roster, Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetAlerts, FleetMap, FleetPlaces, LogRequest, Message,
+    Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, TaskEvent, TaskList, TrafficState,
+    Truth,
 };
 
 /// What all of Foxglove's own begin with.
@@ -56,6 +57,7 @@ static ALL: LazyLock<Vec<Schema>> = LazyLock::new(|| {
         wire::<LogRequest>(),
         wire::<TaskList>(),
         wire::<TaskEvent>(),
+        wire::<FleetAlerts>(),
         made::<Presence>(PRESENCE),
         well_known("PoseInFrame", include_str!("schemas/foxglove/PoseInFrame.json")),
         well_known("SceneUpdate", include_str!("schemas/foxglove/SceneUpdate.json")),

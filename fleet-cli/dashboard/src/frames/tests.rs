@@ -82,6 +82,26 @@ fn map_tasks_and_happenings_come_once_and_when_they_change() {
 }
 
 #[test]
+fn alerts_come_when_they_change_and_are_unknown_without_a_dispatcher() {
+    let (mut known, mut scene) = (Known::default(), scene());
+    let said = |known: &mut Known, scene: &Scene| {
+        let all = news(known, scene, 0);
+        all.into_iter().find_map(|mut message| message.as_object_mut()?.remove("alerts"))
+    };
+    let list = |at_ms, left_out| FleetAlerts { at_ms, alerts: Vec::new(), left_out };
+    put(&mut scene, 0, &keys().dispatch_alerts(), list(1, 0));
+    assert_eq!(said(&mut known, &scene), None, "nobody is known to be there");
+    put(&mut scene, 0, &keys().dispatch_alive(), AnyMessage::Alive(true));
+    assert_eq!(said(&mut known, &scene), Some(json!({ "at_ms": 1, "alerts": [], "left_out": 0 })));
+    put(&mut scene, 9, &keys().dispatch_alerts(), list(2, 0));
+    assert_eq!(said(&mut known, &scene), None, "the same, later");
+    put(&mut scene, 9, &keys().dispatch_alerts(), list(3, 1));
+    assert_eq!(said(&mut known, &scene).unwrap()["left_out"], 1);
+    put(&mut scene, 9, &keys().dispatch_alive(), AnyMessage::Alive(false));
+    assert_eq!(said(&mut known, &scene), Some(Value::Null));
+}
+
+#[test]
 fn an_overloaded_simulator_is_told_in_words_as_long_as_it_is_heard() {
     let (mut known, mut scene) = (Known::default(), scene());
     let mut said =

@@ -2,6 +2,7 @@
 
 use super::flying::{Flying, Unacknowledged, Written, durable};
 use super::map_watch::{self, Found, Ground, MapWatch, ground};
+use super::observer::Observer;
 use super::request_queue::{Asked, Input, RequestQueue};
 use super::robot_client::{Fleet, News};
 use super::standby_link::StandbyLink;
@@ -67,6 +68,7 @@ pub(super) struct Work {
     feed: StateFeed,
     heard: BTreeMap<Name, (u64, u64)>,
     alive: BTreeSet<Name>,
+    observer: Observer,
     desk: RequestQueue,
     questions: mpsc::Receiver<Input>,
     fleet: Fleet,
@@ -90,6 +92,7 @@ impl Work {
         mut dispatcher: Dispatcher,
         Held { ledger, read, link }: Held,
         map: Option<Map>,
+        observer: Observer,
         told: watch::Sender<Standing>,
     ) -> Result<Self> {
         let me = Name::new(CLIENT).map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
@@ -124,6 +127,7 @@ impl Work {
             feed,
             heard: BTreeMap::new(),
             alive: BTreeSet::new(),
+            observer,
             desk,
             questions,
             fleet,
@@ -151,6 +155,7 @@ impl Work {
                 written = durable(&mut self.flying) => self.settle(written)?,
                 Some(input) = self.questions.recv() => self.take(input),
                 Some(news) = self.news.recv() => self.hear(news),
+                Some(input) = self.observer.inputs.recv() => self.observer.take(self.clock.ms(), input),
                 Some(found) = self.looking.news.recv() => self.found(found)?,
                 Some(input) = self.standby.inputs.recv() => {
                     self.standby.take(self.clock.ms(), input, &self.dispatcher);
@@ -161,12 +166,17 @@ impl Work {
                     if ticks.is_multiple_of(TELL_EVERY) {
                         self.tell().await;
                     }
+                    let now_ms = self.clock.ms();
+                    if self.observer.has_news(now_ms) {
+                        self.observer.publish(now_ms).await;
+                    }
                 }
             }
             self.standby.step(self.clock.ms(), &mut self.dispatcher)?;
             self.acknowledge()?;
             self.dispatcher.step(self.clock.ms(), self.ground.as_ref());
             self.carry_out();
+            self.observer.step(self.clock.ms(), &self.dispatcher);
         }
         self.end().await
     }
@@ -177,10 +187,12 @@ impl Work {
         let alive = self.feed.alive();
         for robot in alive.difference(&self.alive) {
             self.dispatcher.presence(now_ms, robot, true);
+            self.observer.presence(now_ms, robot, true);
             self.fleet.meet(robot.clone());
         }
         for robot in self.alive.difference(&alive) {
             self.dispatcher.presence(now_ms, robot, false);
+            self.observer.presence(now_ms, robot, false);
         }
         self.alive = alive;
         for (name, seen) in self.feed.shared_states() {
@@ -195,6 +207,7 @@ impl Work {
             self.dispatcher.state(now_ms, &seen.state);
             let has_task = self.dispatcher.store().on(&name).is_some();
             self.usage.look(&seen.state, has_task);
+            self.observer.state(now_ms, &seen.state, has_task);
         }
         let busy = self.dispatcher.store().open_count() > 0;
         let due = if busy { COMPACT_BUSY_AT } else { COMPACT_AT };
@@ -284,6 +297,7 @@ impl Work {
                 Effect::Event(event) => {
                     self.changed = true;
                     self.usage.step(&event.step);
+                    self.observer.task(self.clock.ms(), &event);
                     self.desk.event(event, &mut self.counters);
                 }
             }
@@ -362,6 +376,7 @@ impl Work {
         self.counters.overloaded = self.desk.overloaded();
         self.counters.foreign_keys = self.desk.foreign_keys();
         self.counters.ledger = self.writer.counters();
+        self.counters.observer = self.observer.counters();
         self.counters.standby_questions = self.standby.questions();
         self.counters.standby_overloaded = self.standby.overloaded();
         let (counters, usage) = (self.counters.clone(), self.usage.clone());
@@ -396,6 +411,7 @@ impl Work {
             }
         }
         self.desk.last_answers().await;
+        self.observer.end(self.clock.ms());
         self.tell().await;
         Ok(())
     }

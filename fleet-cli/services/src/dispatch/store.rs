@@ -192,7 +192,7 @@ impl Default for Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        for end in ["", "-wal", "-shm", "-lock"] {
+        for end in ["", "-wal", "-shm", "-lock", "-history", "-history-wal", "-history-shm"] {
             let mut name = self.0.clone().into_os_string();
             name.push(end);
             let _ = std::fs::remove_file(name);

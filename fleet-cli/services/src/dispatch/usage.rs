@@ -46,28 +46,50 @@ pub struct Usage {
 
 /// A robot at its last state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Last {
+pub(crate) struct Last {
     epoch: u64,
     tick_ms: u64,
     x_m: f64,
     y_m: f64,
 }
 
+/// What it did since then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Since {
+    /// How long that took, in s.
+    pub(crate) took_s: f64,
+    /// How far it drove, in m.
+    pub(crate) driven_m: f64,
+    /// Whether it drives now.
+    pub(crate) drives: bool,
+}
+
+impl Last {
+    pub(crate) fn of(state: &RobotState) -> Self {
+        let RobotState { epoch, tick_ms, .. } = *state;
+        Self { epoch, tick_ms, x_m: state.pose.x_m, y_m: state.pose.y_m }
+    }
+
+    /// What it did until this state; `None` = it has restarted.
+    pub(crate) fn since(&self, state: &RobotState) -> Option<Since> {
+        let now = Self::of(state);
+        let took_ms = now.tick_ms.saturating_sub(self.tick_ms).min(LONGEST_LOOK_MS);
+        let driven_m = (now.x_m - self.x_m).hypot(now.y_m - self.y_m);
+        let drives = state.speed_mps.is_some_and(|speed_mps| speed_mps.abs() > STANDS_MPS);
+        // Fixes shift the pose of a robot that stands.
+        let driven_m = if drives && driven_m < LEAP_M { driven_m } else { 0.0 };
+        (now.epoch == self.epoch).then_some(Since { took_s: took_ms as f64 / 1000.0, driven_m, drives })
+    }
+}
+
 impl Usage {
     /// A robot's state, and whether it has a task. Time is the robot's: simulated for simulated ones.
     pub fn look(&mut self, state: &RobotState, has_task: bool) {
         let spent = self.robots.entry(state.robot.clone()).or_default();
-        let RobotState { epoch, tick_ms, .. } = *state;
-        let now = Last { epoch, tick_ms, x_m: state.pose.x_m, y_m: state.pose.y_m };
-        let last = self.last.insert(state.robot.clone(), now);
-        let Some(last) = last.filter(|last| last.epoch == epoch) else { return };
-        let took_s = tick_ms.saturating_sub(last.tick_ms).min(LONGEST_LOOK_MS) as f64 / 1000.0;
-        let drove_m = (now.x_m - last.x_m).hypot(now.y_m - last.y_m);
-        let drives = state.speed_mps.is_some_and(|speed_mps| speed_mps.abs() > STANDS_MPS);
-        // Fixes shift the pose of a robot that stands.
-        if drives && drove_m < LEAP_M {
-            spent.distance_m += drove_m;
-        }
+        let last = self.last.insert(state.robot.clone(), Last::of(state));
+        let Some(since) = last.and_then(|last| last.since(state)) else { return };
+        let Since { took_s, driven_m, drives } = since;
+        spent.distance_m += driven_m;
         match (has_task, drives) {
             (true, true) => spent.busy_s += took_s,
             (true, false) => spent.waiting_s += took_s,

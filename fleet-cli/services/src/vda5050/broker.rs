@@ -127,7 +127,8 @@ pub(super) fn will(topic: String, message: &serde_json::Value) -> LastWill {
     LastWill::new(topic, message.to_string(), QoS::AtLeastOnce, true)
 }
 
-fn trusting(file: &Path) -> Result<Arc<ClientConfig>> {
+/// TLS that trusts the authorities in this file, and nobody else.
+pub(crate) fn trusting(file: &Path) -> Result<Arc<ClientConfig>> {
     let cannot = |what: String| failed(format!("{}: {what}", file.display()));
     let mut roots = RootCertStore::empty();
     let pem = files::bytes(file, MAX_CERTIFICATES).map_err(|error| cannot(error.to_string()))?;

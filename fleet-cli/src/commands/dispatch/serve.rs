@@ -3,6 +3,7 @@
 use crate::commands::dispatch::LedgerArgs;
 use crate::commands::dispatcher;
 use crate::commands::map::ResolutionArgs;
+use crate::config;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
@@ -109,6 +110,7 @@ pub(super) const JSON: &[LineKind] =
 /// with, or a stand-by that has taken over.
 pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
+    let observer = config::observer(&ctx.observer.0, ctx.observer.1)?;
     let load = |file| map_file::load(&ctx.out, file, args.fine.resolution_m);
     let own = args.map.as_deref().map(load).transpose()?;
     // Before anybody can ask: what is acknowledged has to go there.
@@ -137,7 +139,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
             None => None,
         };
         let floor = Floor { map: own, home: ctx.home_rules(args.home) };
-        let service = DispatchService::start(&client, store, floor, ctx.settings.timeout).await?;
+        let service = DispatchService::start(&client, store, floor, observer, ctx.settings.timeout).await?;
         Ok::<_, Error>((maps, service))
     };
     let (maps, mut service) = tokio::select! {

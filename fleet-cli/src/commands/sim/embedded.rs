@@ -1,5 +1,6 @@
 //! A dispatcher in a simulator's process: what `sim --dispatch` and `demo` run beside their robots.
 
+use crate::config;
 use crate::context::Context;
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
@@ -7,10 +8,11 @@ use std::time::Duration;
 use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::fleet_view::by_number;
+use xtb_services::alert_outlets::OutletSettings;
 use xtb_services::dispatch::store::Store;
 use xtb_services::dispatch::usage::Usage;
 use xtb_dispatch::HomeRules;
-use xtb_services::dispatch::{DispatchService, Floor, Standing};
+use xtb_services::dispatch::{DispatchService, Floor, ObserverSettings, Standing};
 use xtb_simulator::Simulator;
 
 /// It is looked this often whether all is done.
@@ -37,8 +39,11 @@ impl EmbeddedDispatcher {
         let own = ctx
             .with(|settings| (settings.connect, settings.robots) = (simulator.endpoints().to_vec(), robots));
         let client = Client::open(&own.settings).await?;
+        // A simulation calls nobody.
+        let outlets = OutletSettings::default();
+        let observer = ObserverSettings { outlets, ..config::observer(&ctx.observer.0, ctx.observer.1)? };
         let floor = Floor { map: simulator.map().cloned(), home };
-        let service = DispatchService::start(&client, store, floor, ctx.settings.timeout).await?;
+        let service = DispatchService::start(&client, store, floor, observer, ctx.settings.timeout).await?;
         Ok(Self { client, service })
     }
 

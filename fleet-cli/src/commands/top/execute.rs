@@ -14,7 +14,7 @@ use xtb_client::reset::{ResetReport, each};
 use xtb_client::stop::stop;
 use xtb_client::text::reasons;
 use xtb_client::{Action, Error, ErrorKind, Result};
-use xtb_protocol::messages::{DispatchBody, LinkLoss, RejectCode, Suspension};
+use xtb_protocol::messages::{AckBody, AckRequest, DispatchBody, LinkLoss, RejectCode, Suspension};
 use xtb_protocol::{Name, Uuid};
 
 /// Asks, and says what came of it. It ends by itself, at the latest a few `--timeout`s later; an emergency
@@ -83,6 +83,11 @@ async fn attempt(
                     .collect::<Vec<_>>()
                     .join("; "),
             ))
+        }
+        Command::Acknowledge { ids } => {
+            let request = AckRequest { body: AckBody::Alerts { ids: ids.clone() }, person: ctx.person() };
+            let reply = DispatcherClient::of(client).acknowledge(&request).await?;
+            Ok((Tone::Good, format!("{} acknowledged", reply.acknowledged.len())))
         }
         Command::Cancel { robot, goal, take } => {
             let control = Control::acquire(client, robot, *take).await?;

@@ -67,6 +67,11 @@ pub(crate) enum Command {
     },
     /// Let the dispatcher assign tasks again.
     Activate,
+    /// Say that alerts were seen.
+    Acknowledge {
+        /// Which.
+        ids: Vec<u64>,
+    },
     /// End a goal.
     Cancel {
         /// Whose.
@@ -122,6 +127,7 @@ impl Command {
             Self::Reset { robot, .. } => format!("reset {robot}"),
             Self::ResetAll { robots } => format!("reset {} robots", robots.len()),
             Self::Activate => "activate the dispatcher".to_owned(),
+            Self::Acknowledge { .. } => "acknowledge".to_owned(),
             Self::Cancel { robot, .. } => format!("cancel {robot}'s goal"),
             Self::CancelTask { robot, task } => format!("cancel {task} on {robot}"),
         }
@@ -138,7 +144,7 @@ impl Command {
     fn one(&self) -> Option<&Name> {
         match self {
             Self::Estop(whom) | Self::Stop(whom) => whom.robot(),
-            Self::ResetAll { .. } | Self::Activate => None,
+            Self::ResetAll { .. } | Self::Activate | Self::Acknowledge { .. } => None,
             Self::Goto { robot, .. }
             | Self::Reset { robot, .. }
             | Self::Cancel { robot, .. }

@@ -1,4 +1,4 @@
-//! What happened, the newest first; or, instead, the dispatcher's tasks.
+//! What happened, the newest first; or, instead, the dispatcher's tasks, or its alerts.
 
 use super::labels::fitted;
 use super::robot_view::{age, long_age};
@@ -9,16 +9,21 @@ use ratatui::layout::Rect;
 use ratatui::style::Modifier;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
+use xtb_client::scene::fold::{Entry, fold, words};
 use xtb_client::scene::{SceneEvent, What};
 use xtb_client::text::reasons;
-use xtb_protocol::messages::{Event, EventKind, GoalStatus, TaskEvent, TaskView};
+use xtb_protocol::messages::{EventKind, GoalStatus, TaskEvent, TaskView};
 
 impl Cockpit {
     pub(super) fn draw_pane(&self, frame: &mut Frame<'_>, area: Rect, scene: &Scene, now_ms: AtMs) {
         let look = self.setup.look;
         let (title, lines) = match self.pane {
-            Pane::Events => ("events (v: tasks)".to_owned(), self.events(scene, now_ms)),
+            Pane::Events => {
+                let details = if self.details { "less" } else { "details" };
+                (format!("events (d: {details}, v: tasks)"), self.events(scene, now_ms))
+            }
             Pane::Tasks => self.tasks(scene, now_ms),
+            Pane::Alerts => self.alert_lines(scene),
         };
         let style = look.tone(Tone::Dim).add_modifier(Modifier::UNDERLINED);
         let title = Line::styled(format!(" {title:width$}", width = usize::from(area.width)), style);
@@ -27,6 +32,7 @@ impl Cockpit {
         frame.render_widget(Paragraph::new(lines), area);
     }
 
+    /// A line for each drive, task and other event; with details each event has a line below its own.
     fn events(&self, scene: &Scene, now_ms: AtMs) -> Vec<Line<'static>> {
         let shown = |robot: &Name| self.setup.robots.is_empty() || self.setup.robots.contains(robot);
         let concerns = |happening: &&SceneEvent| match &happening.what {
@@ -34,20 +40,26 @@ impl Cockpit {
             What::Task(event) => event.step.robot.as_ref().is_none_or(shown),
             What::Presence { robot, .. } => robot.as_ref().is_none_or(shown),
         };
-        let line = |(since_ms, happening): (Option<u64>, &SceneEvent)| {
-            let (text, tone) = happened(&happening.what);
-            let since = since_ms.map_or_else(|| "?".to_owned(), |ms| age(Some(ms)));
-            let since = Span::styled(format!("{since:>7} "), self.setup.look.tone(Tone::Dim));
-            Line::from(vec![since, Span::styled(text, self.setup.look.tone(tone))])
+        let age_of = |happening: &SceneEvent| since_ms(scene, happening, now_ms);
+        let line = |indent: &str, happening: &SceneEvent, text: String| {
+            let since = age_of(happening).map_or_else(|| "?".to_owned(), |ms| age(Some(ms)));
+            let since = Span::styled(format!("{since:>7} {indent}"), self.setup.look.tone(Tone::Dim));
+            Line::from(vec![since, Span::styled(text, self.setup.look.tone(tone(&happening.what)))])
         };
-        let shown = scene.happenings().iter().rev().filter(concerns);
-        let mut shown: Vec<_> =
-            shown.map(|happening| (since_ms(scene, happening, now_ms), happening)).collect();
+        let mut entries = fold(scene.happenings().iter().filter(concerns));
+        entries.reverse();
         // Those from before the screen opened come robot by robot.
-        shown.sort_by_key(|(since_ms, happening)| {
-            since_ms.unwrap_or_else(|| now_ms.saturating_sub(happening.at_ms))
+        entries.sort_by_key(|entry| {
+            let newest = entry.events.last().map(|event| (age_of(event), event.at_ms));
+            newest.map(|(since_ms, at_ms)| since_ms.unwrap_or_else(|| now_ms.saturating_sub(at_ms)))
         });
-        shown.into_iter().map(line).collect()
+        let lines = |entry: Entry<'_>| {
+            let head = entry.head().map(|head| line("", head, entry.text()));
+            let inner = entry.events.iter().rev().filter(|_| self.details && entry.is_folded());
+            let inner: Vec<_> = inner.map(|event| line("  ", event, words(&event.what))).collect();
+            head.into_iter().chain(inner)
+        };
+        entries.into_iter().flat_map(lines).collect()
     }
 
     /// Open ones first, then those that ended last.
@@ -101,58 +113,36 @@ fn since_ms(scene: &Scene, happening: &SceneEvent, now_ms: AtMs) -> Option<u64> 
     Some(happened.max(came))
 }
 
-/// In words, and how good it is.
-fn happened(what: &What) -> (String, Tone) {
-    match what {
-        What::Robot(event) => robot(event),
-        What::Task(TaskEvent { task, step, .. }) => {
-            let on = step.robot.as_ref().map(|robot| format!(" on {robot}")).unwrap_or_default();
-            let why = step.reason.as_ref().map(|reason| format!(": {reason}")).unwrap_or_default();
-            (format!("{task} {}{on}{why}", reasons::name(&step.state)), task_text::tone(step.state))
-        }
-        What::Presence { robot, key, there } => {
-            let who = robot.as_ref().map_or_else(|| service(key), Name::to_string);
-            match there {
-                true => (format!("{who} is online"), Tone::Plain),
-                false => (format!("{who} is GONE"), Tone::Bad),
+/// How good it is.
+fn tone(what: &What) -> Tone {
+    let event = match what {
+        What::Robot(event) => event,
+        What::Task(TaskEvent { step, .. }) => return task_text::tone(step.state),
+        What::Presence { there, .. } => return if *there { Tone::Plain } else { Tone::Bad },
+    };
+    match &event.kind {
+        EventKind::Started { .. } => Tone::Strong,
+        EventKind::Mode { .. } | EventKind::Lease { holder: None } => Tone::Dim,
+        EventKind::Goal { status: GoalStatus::Reached, .. } => Tone::Good,
+        EventKind::Goal { status: GoalStatus::Failed, .. } => Tone::Bad,
+        EventKind::Goal {
+            status: GoalStatus::Blocked | GoalStatus::Cancelled | GoalStatus::Interrupted,
+            ..
+        } => Tone::Warning,
+        EventKind::Goal { .. } | EventKind::Lease { .. } => Tone::Plain,
+        EventKind::Fault { present, .. } => {
+            if *present {
+                Tone::Bad
+            } else {
+                Tone::Good
             }
         }
-    }
-}
-
-/// The dispatcher or traffic control, by the key of its presence.
-fn service(key: &str) -> String {
-    let who = key.rsplit('/').nth(1).unwrap_or(key);
-    if who == "traffic" { "traffic control".to_owned() } else { "the dispatcher".to_owned() }
-}
-
-fn robot(event: &Event) -> (String, Tone) {
-    let name = &event.robot;
-    match &event.kind {
-        EventKind::Started { version } => (format!("{name} has started, version {version}"), Tone::Strong),
-        EventKind::Mode { from, to } => {
-            (format!("{name} {} > {}", reasons::name(from), reasons::name(to)), Tone::Dim)
+        EventKind::Latch { set, .. } => {
+            if *set {
+                Tone::Bad
+            } else {
+                Tone::Good
+            }
         }
-        EventKind::Goal { status, reason, .. } => {
-            let why = reason.as_ref().map(|reason| format!(": {reason}")).unwrap_or_default();
-            let tone = match status {
-                GoalStatus::Reached => Tone::Good,
-                GoalStatus::Blocked | GoalStatus::Cancelled | GoalStatus::Interrupted => Tone::Warning,
-                GoalStatus::Failed => Tone::Bad,
-                _ => Tone::Plain,
-            };
-            (format!("{name} goal {}{why}", reasons::name(status)), tone)
-        }
-        EventKind::Lease { holder: Some(holder) } => {
-            (format!("{name} is controlled by {holder}"), Tone::Plain)
-        }
-        EventKind::Lease { holder: None } => (format!("{name}: control released"), Tone::Dim),
-        EventKind::Fault { fault, present: true, detail } => {
-            let detail = detail.as_ref().map(|words| format!(" ({words})")).unwrap_or_default();
-            (format!("{name} FAULT {fault}{detail}"), Tone::Bad)
-        }
-        EventKind::Fault { fault, .. } => (format!("{name} {fault} cleared"), Tone::Good),
-        EventKind::Latch { latch, set: true, by } => (format!("{name} LATCHED {latch} by {by}"), Tone::Bad),
-        EventKind::Latch { latch, by, .. } => (format!("{name} {latch} reset by {by}"), Tone::Good),
     }
 }

@@ -64,6 +64,7 @@ impl Cockpit {
         let sights = sights(scene, &names, now_ms);
         self.settle(&sights);
         self.learn(scene);
+        self.notice_alerts(scene, now_ms);
         let areas = areas(area, sights.len());
         let title = self.title(scene, &sights, areas.title.width, now_ms);
         frame.render_widget(fitted(title, areas.title.width), areas.title);
@@ -126,6 +127,10 @@ impl Cockpit {
             if found > 0 {
                 add(format!("{found} {words}"), wanted[0].tone());
             }
+        }
+        let alerts = self.open_alerts(scene).count();
+        if alerts > 0 {
+            add(format!("{alerts} ALERT{} (o)", if alerts == 1 { "" } else { "S" }), Tone::Bad);
         }
         if let Some(stats) = scene.slow_simulator(now_ms) {
             add(xtb_client::text::robot::simulator(stats), Tone::Warning);

@@ -32,7 +32,16 @@ impl Cockpit {
             Press::Back => return self.leave(now_ms),
             Press::Help => self.toggle(Modal::Help),
             Press::Why => self.toggle(Modal::Why),
-            Press::Pane => self.pane = if self.pane == Pane::Events { Pane::Tasks } else { Pane::Events },
+            Press::Pane => {
+                let has_alerts = scene.alerts().is_some_and(|list| !list.alerts.is_empty());
+                self.pane = match self.pane {
+                    Pane::Events => Pane::Tasks,
+                    Pane::Tasks if has_alerts => Pane::Alerts,
+                    Pane::Tasks | Pane::Alerts => Pane::Events,
+                };
+            }
+            Press::Details => self.details = !self.details,
+            Press::Acknowledge => return self.acknowledge(scene, now_ms),
             Press::Zoom(nearer) => self.view.zoom(nearer, self.point_of_interest(&sights)),
             Press::Whole => self.view.whole(),
             Press::Follow => self.view.follow(),

@@ -27,8 +27,12 @@ pub(super) enum Press {
     Go,
     /// Why it stands.
     Why,
-    /// Events or tasks.
+    /// Events, tasks or alerts.
     Pane,
+    /// Events one by one, or a line for each drive.
+    Details,
+    /// The open alerts are seen.
+    Acknowledge,
     /// The keys.
     Help,
     /// Select so many robots further on.
@@ -104,6 +108,8 @@ fn letter(c: char) -> Option<Press> {
         'c' => Press::Cancel,
         'w' => Press::Why,
         'v' => Press::Pane,
+        'd' => Press::Details,
+        'o' => Press::Acknowledge,
         '?' | 'h' => Press::Help,
         'j' => Press::Step(1),
         'k' => Press::Step(-1),

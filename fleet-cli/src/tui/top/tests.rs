@@ -1,5 +1,6 @@
 //! The cockpit on a fleet of six, at both sizes that matter and some that do not.
 
+mod alerts;
 mod drawing;
 mod pressing;
 

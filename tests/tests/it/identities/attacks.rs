@@ -23,7 +23,7 @@ const ATTACK: &str = "attack";
 const QUESTION: &str = "question";
 
 /// Puts that nobody may send but these roles. `OTHER` is a name that is not the attacker's.
-const PUTS: [(&str, &[Role]); 23] = [
+const PUTS: [(&str, &[Role]); 24] = [
     // take over teleoperation
     ("xtb-1/teleop/alice", &[Role::Operator]),
     ("*/teleop/alice", &[Role::Operator]),
@@ -49,6 +49,7 @@ const PUTS: [(&str, &[Role]); 23] = [
     ("map/places", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("dispatch/tasks", &[Role::Dispatcher]),
     ("dispatch/event", &[Role::Dispatcher]),
+    ("dispatch/alerts", &[Role::Dispatcher]),
     ("sim/truth", &[Role::Simulator]),
 ];
 /// Questions that nobody may ask but these.
@@ -62,11 +63,12 @@ const QUESTIONS: [(&str, &[Role]); 10] = [
     ("xtb-1/param/alice", &[Role::Operator]),
     ("xtb-1/estop/alice", &[Role::Operator]),
     ("dispatch/cmd/alice", &[Role::Operator]),
+    ("dispatch/ack/alice", &[Role::Operator]),
     ("dispatch/standby/dispatch", &[Role::Dispatcher]),
     ("xtb-1/*/alice", &[]),
 ];
 /// Answers that nobody may give but these: a shadow of the robot, the dispatcher, the map or the roster.
-const SHADOWS: [(&str, &[Role]); 11] = [
+const SHADOWS: [(&str, &[Role]); 14] = [
     ("xtb-1/state", &[Role::Robot, Role::Simulator]),
     ("xtb-1/about", &[Role::Robot, Role::Simulator]),
     ("xtb-1/cmd/alice", &[Role::Robot, Role::Simulator]),
@@ -74,6 +76,9 @@ const SHADOWS: [(&str, &[Role]); 11] = [
     ("dispatch/tasks", &[Role::Dispatcher]),
     ("dispatch/homes", &[Role::Dispatcher]),
     ("dispatch/cmd/alice", &[Role::Dispatcher]),
+    ("dispatch/ack/alice", &[Role::Dispatcher]),
+    ("dispatch/alerts", &[Role::Dispatcher]),
+    ("dispatch/history", &[Role::Dispatcher]),
     ("map", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("map/places", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("sim/roster", &[Role::Simulator]),
@@ -120,11 +125,12 @@ async fn victims(pki: &Pki, router: &str, effects: &Effects) -> Vec<Box<dyn std:
                 "traffic/state",
                 "dispatch/tasks",
                 "dispatch/event",
+                "dispatch/alerts",
                 "sim/truth",
             ],
             &[],
         ),
-        ("tasks", &["all/estop/*"], &["dispatch/cmd/*", "dispatch/standby/*"]),
+        ("tasks", &["all/estop/*"], &["dispatch/cmd/*", "dispatch/ack/*", "dispatch/standby/*"]),
     ] {
         let session = client(pki, who, router).await;
         for key in hears {

@@ -30,7 +30,7 @@ const ROBOT: [&str; 23] = [
     "estop/*",
 ];
 /// Clients' keys of one robot, and the others.
-const OTHERS: [&str; 62] = [
+const OTHERS: [&str; 68] = [
     "xtb-1/cmd/alice-3f9a1c",
     "xtb-1/cmd/alicex",
     "xtb-1/cmd/vera",
@@ -64,6 +64,12 @@ const OTHERS: [&str; 62] = [
     "dispatch/alive",
     "dispatch/tasks",
     "dispatch/homes",
+    "dispatch/alerts",
+    "dispatch/history",
+    "dispatch/ack/alice",
+    "dispatch/ack/vera",
+    "dispatch/ack/web-3f9a1c",
+    "dispatch/ack/*",
     "dispatch/event",
     "dispatch/event/@adv/pub/z/1/_",
     "dispatch/event/@adv/**",

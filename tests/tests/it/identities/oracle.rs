@@ -13,13 +13,13 @@ const LOOK: &[Line] = &[
     (
         "in",
         "declare_subscriber",
-        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map map/places traffic/state dispatch/{tasks,event} sim/{truth,stats} \
+        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map map/places traffic/state dispatch/{tasks,event,alerts} sim/{truth,stats} \
          {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "in",
         "query",
-        "*/{state,about} map map/places dispatch/{tasks,homes} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
+        "*/{state,about} map map/places dispatch/{tasks,homes},alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "in",
@@ -29,22 +29,22 @@ const LOOK: &[Line] = &[
     (
         "out",
         "put",
-        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map map/places traffic/state dispatch/{tasks,event} sim/{truth,stats} \
+        "*/{state,state/json,sensors,event,event/json,route,fix,near/*} map map/places traffic/state dispatch/{tasks,event,alerts} sim/{truth,stats} \
          {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "out",
         "reply",
-        "*/{state,about} map map/places dispatch/{tasks,homes} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
+        "*/{state,about} map map/places dispatch/{tasks,homes},alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
     ),
     ("out", "liveliness_token", "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/** */event/json/@adv/**"),
 ];
 const STOP: &[Line] =
     &[("in", "put query", "*/estop/me"), ("in", "put", "all/estop/me"), ("out", "reply", "*/estop/me")];
 const DRIVE: &[Line] = &[
-    ("in", "query", "*/{cmd,estop,log,param}/me dispatch/{cmd,standby}/me"),
+    ("in", "query", "*/{cmd,estop,log,param}/me dispatch/{cmd,ack,standby}/me"),
     ("in", "put", "*/{teleop,estop}/me all/estop/me"),
-    ("out", "reply", "*/{cmd,estop,log,param}/me dispatch/{cmd,standby}/me"),
+    ("out", "reply", "*/{cmd,estop,log,param}/me dispatch/{cmd,ack,standby}/me"),
 ];
 const ROBOT: &[Line] = &[
     ("in", "put", "n/{state,state/json,sensors,event,near/*,event/@adv/**,event/json,event/json/@adv/**}"),
@@ -63,12 +63,12 @@ const ROBOT: &[Line] = &[
 const DISPATCH: &[Line] = &[
     ("in", "declare_subscriber", "all/estop/*"),
     ("in", "query", "*/cmd/dispatch dispatch/standby/dispatch"),
-    ("in", "put", "dispatch/{tasks,event,event/@adv/**}"),
-    ("in", "declare_queryable", "dispatch/{tasks,homes,cmd/*,standby/*,event/@adv/**}"),
-    ("in", "reply", "dispatch/{tasks,homes,cmd/*,standby/*,event/@adv/**,event}"),
+    ("in", "put", "dispatch/{tasks,alerts,event,event/@adv/**}"),
+    ("in", "declare_queryable", "dispatch/{tasks,homes,alerts,history,cmd/*,ack/*,standby/*,event/@adv/**}"),
+    ("in", "reply", "dispatch/{tasks,homes,alerts,history,cmd/*,ack/*,standby/*,event/@adv/**,event}"),
     ("in", "liveliness_token", "dispatch/{alive,event/@adv/**}"),
     ("out", "put", "all/estop/*"),
-    ("out", "query", "dispatch/{tasks,homes,cmd/*,standby/*,event/@adv/**}"),
+    ("out", "query", "dispatch/{tasks,homes,alerts,history,cmd/*,ack/*,standby/*,event/@adv/**}"),
     ("out", "reply", "*/cmd/dispatch dispatch/standby/dispatch"),
 ];
 const TRAFFIC: &[Line] =

@@ -1,0 +1,445 @@
+//! Alerts: each rule, what ends an alert, and who has seen it.
+
+use crate::bench::name;
+use crate::robots::{FakeRobot, Goal};
+use xtb_dispatch::alerts::{AlertBook, Presence, Rules, Step};
+use xtb_protocol::Uuid;
+use xtb_protocol::messages::{
+    AckBody, AckReply, AckRequest, Alert, AlertKind, AlertState, BatteryLevel, GoalStatus, Latch, LatchState,
+    LinkLoss, MAX_ALERT_TEXT, MAX_ALERTS, MapState, RobotState, StopReason, Suspension, SuspensionCause,
+    TaskEvent, TaskId, TaskState, TaskStep,
+};
+
+const T0: u64 = 1_800_000_000_000;
+
+/// A book, one robot, and what is known of it.
+struct Desk {
+    book: AlertBook,
+    robot: FakeRobot,
+    now_ms: u64,
+    heard_ms: u64,
+    expected: bool,
+    suspended: Vec<Suspension>,
+}
+
+impl Desk {
+    fn new(rules: Rules) -> Self {
+        Self::after(rules, Vec::new())
+    }
+
+    fn after(rules: Rules, kept: Vec<Alert>) -> Self {
+        Self {
+            book: AlertBook::new(T0, rules, kept),
+            robot: FakeRobot::new("xtb-1", (0.0, 0.0)),
+            now_ms: T0,
+            heard_ms: T0,
+            expected: true,
+            suspended: Vec::new(),
+        }
+    }
+
+    fn state(&mut self, change: &dyn Fn(&mut RobotState)) -> RobotState {
+        let mut state = self.robot.state(self.now_ms);
+        change(&mut state);
+        state
+    }
+
+    /// The robot says this for so long, 20 times a second.
+    fn hear(&mut self, for_ms: u64, change: &dyn Fn(&mut RobotState)) {
+        let until_ms = self.now_ms + for_ms;
+        loop {
+            let state = self.state(change);
+            self.book.state(&state);
+            self.heard_ms = self.now_ms;
+            self.step();
+            if self.now_ms >= until_ms {
+                return;
+            }
+            self.now_ms += 50;
+        }
+    }
+
+    /// Nothing is heard for so long.
+    fn silence(&mut self, for_ms: u64) {
+        for _ in 0..for_ms / 250 {
+            self.now_ms += 250;
+            self.step();
+        }
+    }
+
+    fn step(&mut self) {
+        let met = self.robot.seq > 0;
+        let presence = Presence { expected: self.expected, met, last_heard_ms: self.heard_ms };
+        self.book.step(self.now_ms, [(&self.robot.name, presence)], &self.suspended);
+    }
+
+    fn steps(&mut self) -> Vec<(Step, AlertKind)> {
+        std::iter::from_fn(|| self.book.next_change()).map(|it| (it.step, it.alert.kind)).collect()
+    }
+
+    fn alerts(&self) -> Vec<Alert> {
+        self.book.list(self.now_ms).alerts
+    }
+
+    fn only(&self) -> Alert {
+        let [alert] = <[Alert; 1]>::try_from(self.alerts()).unwrap();
+        alert
+    }
+
+    fn ack(&mut self, body: AckBody, person: Option<&str>) -> AckReply {
+        let request = AckRequest { body, person: person.map(str::to_owned) };
+        self.book.acknowledge(self.now_ms, &name("alice-3f9a1c"), &request)
+    }
+}
+
+fn well(_: &mut RobotState) {}
+
+fn latched(state: &mut RobotState) {
+    let by = "alice".to_owned();
+    state.latches = vec![LatchState { latch: Latch::Estop, age_ms: 5, by, present: false }];
+}
+
+fn drives(state: &mut RobotState, why: &[StopReason]) {
+    state.stopped_because = why.to_vec();
+}
+
+/// A robot with a goal that it stands for, for this reason.
+fn with_goal() -> Desk {
+    let mut desk = Desk::new(Rules::default());
+    desk.robot.begin(Goal {
+        id: Uuid::from_u128(1),
+        by: name("dispatch"),
+        status: GoalStatus::Running,
+        reason: None,
+        ends_ms: u64::MAX,
+        to: None,
+        on_link_loss: LinkLoss::Halt,
+        limit_ms: None,
+        finish_ms: 0,
+        doomed: false,
+    });
+    desk
+}
+
+fn failed(task: u64, state: TaskState) -> TaskEvent {
+    let reason = Some("no way there".to_owned());
+    let step = TaskStep { at_ms: T0, state, robot: Some(name("xtb-1")), legs_done: 0, reason };
+    TaskEvent { ledger: 1, entry: task, task: TaskId::new(task), step }
+}
+
+fn fleet_stop() -> Suspension {
+    Suspension { cause: SuspensionCause::FleetStop { by: Some(name("alice")) }, since_ms: T0, tasks: 3 }
+}
+
+/// What a robot says, for how long, and the alert that it makes: its kind, subject and words, and the remedy's.
+#[test]
+fn each_rule_over_a_robots_state_has_its_words_and_its_remedy() {
+    type Change = fn(&mut RobotState);
+    let rows: [(u64, Change, AlertKind, Option<&str>, &str, &str); 6] = [
+        (
+            0,
+            latched,
+            AlertKind::Latched,
+            Some("estop"),
+            "xtb-1 latched: emergency stop, by alice",
+            "`fleet-cli reset xtb-1 --latch estop`, then give a new command (a dispatcher needs none)",
+        ),
+        (
+            0,
+            |state| (state.battery_level, state.battery_v) = (BatteryLevel::Warn, Some(7.04)),
+            AlertKind::Battery,
+            Some("warn"),
+            "xtb-1 battery: low (7.0 V)",
+            "bring it home and charge it",
+        ),
+        (
+            0,
+            |state| state.battery_level = BatteryLevel::Critical,
+            AlertKind::Battery,
+            Some("critical"),
+            "xtb-1 battery: nearly empty",
+            "switch it off and charge it",
+        ),
+        (
+            60_000,
+            |state| drives(state, &[StopReason::WayBlocked]),
+            AlertKind::Blocked,
+            None,
+            "xtb-1 makes no progress for 60 s: blocked by an unmapped obstacle",
+            "clear the path; the robot also looks for another one by itself",
+        ),
+        (
+            60_000,
+            |state| drives(state, &[StopReason::InKeepOut]),
+            AlertKind::Blocked,
+            None,
+            "xtb-1 makes no progress for 60 s: inside a keep-out zone",
+            "drive it out by hand: `fleet-cli teleop xtb-1`",
+        ),
+        (
+            40_000,
+            |state| {
+                let (name, hash) = ("hall".to_owned(), "1".to_owned());
+                state.nav.map = Some(MapState { name, hash, fleet_hash: Some("2".to_owned()) });
+            },
+            AlertKind::MapMismatch,
+            None,
+            "xtb-1 has another map than the fleet: hall (1), not 2; no planned goals",
+            "stop xtb-1 so that it takes the fleet's map; else restart its agent",
+        ),
+    ];
+    for (after_ms, change, kind, subject, text, remedy) in rows {
+        let mut desk = with_goal();
+        if after_ms > 0 {
+            desk.hear(after_ms - 50, &change);
+            assert_eq!(desk.alerts(), [], "{text}: not yet");
+            desk.now_ms += 50;
+        }
+        desk.hear(0, &change);
+        let alert = desk.only();
+        assert_eq!((alert.kind, alert.subject.as_deref()), (kind, subject), "{text}");
+        assert_eq!((alert.text.as_str(), alert.remedy.as_str()), (text, remedy));
+        assert_eq!((alert.robot.clone(), alert.state()), (Some(name("xtb-1")), AlertState::Open));
+        assert_eq!(desk.now_ms - alert.since_ms, after_ms, "{text}: since it began");
+        // Raised once, and ended when it is over.
+        desk.hear(5_000, &change);
+        assert_eq!(desk.steps(), [(Step::Raised, kind)], "{text}");
+        desk.hear(4_000, &well);
+        assert_eq!(
+            (desk.steps(), desk.only().state()),
+            (vec![(Step::Ended, kind)], AlertState::Ended),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn what_needs_nobody_is_no_alert() {
+    for reason in
+        [StopReason::Planning, StopReason::Starting, StopReason::AtCusp, StopReason::ChangingDirection]
+    {
+        let mut desk = with_goal();
+        desk.hear(300_000, &|state| drives(state, &[reason]));
+        assert_eq!(desk.alerts(), [], "{reason:?}");
+    }
+    // Without a goal nobody waits for it.
+    let mut desk = Desk::new(Rules::default());
+    desk.hear(300_000, &|state| drives(state, &[StopReason::ObstacleFront]));
+    assert_eq!(desk.alerts(), []);
+    let mut desk = Desk::new(Rules::default());
+    desk.hear(1_000, &|state| state.battery_level = BatteryLevel::Ok);
+    desk.hear(1_000, &|state| state.battery_level = BatteryLevel::Unknown);
+    assert_eq!(desk.alerts(), []);
+}
+
+#[test]
+fn a_robot_that_moves_a_little_is_still_blocked_and_one_that_drives_is_not() {
+    let blocked = |state: &mut RobotState| drives(state, &[StopReason::ObstacleFront]);
+    let mut desk = with_goal();
+    for _ in 0..7 {
+        desk.hear(8_000, &blocked);
+        desk.hear(1_000, &well);
+    }
+    assert_eq!(desk.only().kind, AlertKind::Blocked);
+    let mut desk = with_goal();
+    for _ in 0..10 {
+        desk.hear(30_000, &blocked);
+        desk.hear(5_000, &well);
+    }
+    assert_eq!(desk.alerts(), []);
+}
+
+#[test]
+fn a_rule_that_is_off_is_silent() {
+    let off = Rules {
+        latched: false,
+        gone_ms: None,
+        task_failed: false,
+        battery: None,
+        blocked_ms: None,
+        suspended: false,
+        map_mismatch_ms: None,
+    };
+    let mut desk = Desk::new(off);
+    desk.suspended = vec![fleet_stop()];
+    desk.book.task(T0, &failed(1, TaskState::Failed));
+    desk.hear(1_000, &|state| {
+        latched(state);
+        state.battery_level = BatteryLevel::Critical;
+    });
+    desk.silence(600_000);
+    assert_eq!(desk.alerts(), []);
+}
+
+#[test]
+fn a_robot_that_is_not_heard_is_gone_until_it_is_back() {
+    let mut desk = Desk::new(Rules::default());
+    desk.hear(1_000, &latched);
+    assert_eq!(desk.steps(), [(Step::Raised, AlertKind::Latched)]);
+    desk.silence(9_750);
+    assert_eq!(desk.steps(), []);
+    desk.silence(250);
+    assert_eq!(desk.steps(), [(Step::Raised, AlertKind::Gone)], "and nothing is known of its latch");
+    let gone = desk.alerts().pop().unwrap();
+    assert_eq!(gone.text, "xtb-1 is gone: not heard for 10 s");
+    assert!(gone.remedy.contains("`fleet-cli doctor`"), "{}", gone.remedy);
+    desk.hear(0, &well);
+    assert_eq!(desk.steps(), [(Step::Ended, AlertKind::Latched), (Step::Ended, AlertKind::Gone)]);
+}
+
+#[test]
+fn who_is_neither_expected_nor_met_is_not_gone() {
+    let mut desk = Desk::new(Rules::default());
+    desk.expected = false;
+    desk.silence(60_000);
+    assert_eq!(desk.alerts(), []);
+    desk.expected = true;
+    desk.silence(250);
+    assert_eq!(desk.only().kind, AlertKind::Gone);
+}
+
+#[test]
+fn a_failed_task_stays_until_it_is_acknowledged_or_queued_again() {
+    let mut desk = Desk::new(Rules::default());
+    desk.book.task(T0, &failed(1, TaskState::Failed));
+    desk.book.task(T0, &failed(2, TaskState::Failed));
+    desk.book.task(T0, &failed(3, TaskState::Cancelled));
+    desk.hear(60_000, &well);
+    assert_eq!(desk.steps(), [(Step::Raised, AlertKind::TaskFailed); 2]);
+    let alert = &desk.alerts()[0];
+    assert_eq!(
+        (alert.text.as_str(), alert.subject.as_deref()),
+        ("task t1 failed on xtb-1: no way there", Some("t1"))
+    );
+    assert!(alert.remedy.contains("`fleet-cli retry t1`"), "{}", alert.remedy);
+    desk.book.task(
+        T0,
+        &TaskEvent {
+            step: TaskStep { robot: None, ..failed(2, TaskState::Queued).step },
+            ..failed(2, TaskState::Queued)
+        },
+    );
+    assert_eq!(desk.steps(), [(Step::Ended, AlertKind::TaskFailed)]);
+    let reply = desk.ack(AckBody::Alerts { ids: vec![1, 2, 9] }, None);
+    assert_eq!(reply, AckReply { acknowledged: vec![1], before: vec![2], unknown: vec![9] });
+    assert_eq!(desk.alerts()[0].state(), AlertState::Ended);
+}
+
+#[test]
+fn a_suspended_dispatcher_is_an_alert_until_it_is_activated() {
+    let mut desk = Desk::new(Rules::default());
+    desk.suspended = vec![fleet_stop()];
+    desk.hear(1_000, &well);
+    let alert = desk.only();
+    assert_eq!((alert.kind, alert.robot), (AlertKind::Suspended, None));
+    assert!(alert.text.contains("emergency stop of all robots by alice"), "{}", alert.text);
+    assert!(alert.remedy.contains("`fleet-cli dispatch activate`"), "{}", alert.remedy);
+    // A task more is no other alert.
+    desk.suspended[0].tasks = 4;
+    desk.hear(1_000, &well);
+    desk.suspended.clear();
+    desk.hear(1_000, &well);
+    assert_eq!(desk.steps(), [(Step::Raised, AlertKind::Suspended), (Step::Ended, AlertKind::Suspended)]);
+}
+
+#[test]
+fn an_alert_is_acknowledged_by_name_once_and_ends_all_the_same() {
+    let mut desk = Desk::new(Rules::default());
+    desk.hear(1_000, &latched);
+    let reply = desk.ack(AckBody::All {}, Some("alice@desk"));
+    assert_eq!(reply.acknowledged, [1]);
+    assert_eq!(desk.ack(AckBody::All {}, None), AckReply::default());
+    assert_eq!(desk.ack(AckBody::Alerts { ids: vec![1] }, Some("bob@desk")).before, [1]);
+    let seen = desk.only().acknowledged.unwrap();
+    assert_eq!((seen.who().as_str(), seen.at_ms), ("alice-3f9a1c (alice@desk)", T0 + 1_000));
+    desk.hear(1_000, &latched);
+    assert_eq!(desk.only().state(), AlertState::Acknowledged);
+    desk.hear(1_000, &well);
+    desk.hear(1_000, &latched);
+    let latched = (Step::Raised, AlertKind::Latched);
+    let (seen, ended) = ((Step::Acknowledged, AlertKind::Latched), (Step::Ended, AlertKind::Latched));
+    assert_eq!(desk.steps(), [latched, seen, ended, latched], "a new latch is a new alert");
+    assert_eq!(desk.alerts().iter().map(Alert::is_open).collect::<Vec<_>>(), [false, true]);
+}
+
+#[test]
+fn a_restart_keeps_alerts_and_raises_none_twice() {
+    let mut desk = Desk::new(Rules::default());
+    desk.suspended = vec![fleet_stop()];
+    desk.book.task(T0, &failed(1, TaskState::Failed));
+    desk.hear(1_000, &latched);
+    assert_eq!(desk.ack(AckBody::Alerts { ids: vec![2] }, None).acknowledged, [2]);
+    let before = desk.alerts();
+    let mut after = Desk::after(Rules::default(), before.clone());
+    after.suspended = desk.suspended;
+    // Nothing has been heard yet: what was so is not over.
+    after.silence(5_000);
+    assert_eq!((after.alerts(), after.steps()), (before, Vec::new()));
+    after.hear(1_000, &latched);
+    assert_eq!(after.steps(), []);
+    after.hear(1_000, &well);
+    assert_eq!(after.steps(), [(Step::Ended, AlertKind::Latched)]);
+    after.book.task(T0, &failed(7, TaskState::Failed));
+    assert_eq!(after.alerts().last().unwrap().id, 4, "numbers go on");
+}
+
+#[test]
+fn an_acknowledged_alert_of_a_robot_that_nobody_expects_ends() {
+    let mut desk = Desk::new(Rules::default());
+    desk.hear(1_000, &latched);
+    let kept = desk.alerts();
+    let mut after = Desk::after(Rules::default(), kept);
+    after.expected = false;
+    after.silence(60_000);
+    assert_eq!(after.only().state(), AlertState::Open);
+    after.ack(AckBody::All {}, None);
+    after.silence(250);
+    assert_eq!(after.only().state(), AlertState::Ended);
+}
+
+#[test]
+fn the_list_is_bounded_and_what_finds_no_room_is_counted() {
+    let mut desk = Desk::new(Rules::default());
+    for task in 0..600 {
+        desk.book.task(T0, &failed(task, TaskState::Failed));
+    }
+    let list = desk.book.list(T0);
+    assert_eq!((list.alerts.len(), list.left_out), (MAX_ALERTS, 100));
+    // Ended ones make room: the oldest goes first.
+    assert_eq!(desk.ack(AckBody::Alerts { ids: vec![1, 2] }, None).acknowledged, [1, 2]);
+    desk.book.task(T0, &failed(1000, TaskState::Failed));
+    let list = desk.book.list(T0);
+    assert_eq!((list.alerts.len(), list.left_out, list.alerts[0].id), (MAX_ALERTS, 100, 2));
+    // And of ended ones 100 stay.
+    let mut desk = Desk::new(Rules::default());
+    for _ in 0..150 {
+        desk.hear(50, &latched);
+        desk.now_ms += 50;
+        desk.hear(0, &well);
+        desk.now_ms += 50;
+    }
+    let alerts = desk.alerts();
+    assert_eq!((alerts.len(), alerts[0].id, alerts.last().unwrap().id), (100, 51, 150));
+}
+
+#[test]
+fn a_robots_words_cannot_make_an_alert_longer_than_it_may_be() {
+    let mut desk = Desk::new(Rules::default());
+    desk.hear(0, &|state| {
+        let by = "é".repeat(5_000);
+        state.latches = vec![LatchState { latch: Latch::SensorFault, age_ms: 0, by, present: true }];
+    });
+    let alert = desk.only();
+    assert!(alert.text.len() <= MAX_ALERT_TEXT && alert.text.ends_with('…'), "{} bytes", alert.text.len());
+}
+
+#[test]
+fn a_latch_for_an_empty_battery_is_one_alert() {
+    let mut desk = Desk::new(Rules::default());
+    desk.hear(1_000, &|state| {
+        state.battery_level = BatteryLevel::Critical;
+        let by = "battery".to_owned();
+        state.latches = vec![LatchState { latch: Latch::BatteryCritical, age_ms: 0, by, present: true }];
+    });
+    assert_eq!(desk.only().kind, AlertKind::Latched);
+}
