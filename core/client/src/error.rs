@@ -3,7 +3,7 @@
 use crate::text::reasons;
 use std::fmt;
 use xtb_bus::BusError;
-use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, RejectCode};
+use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, MapEditCode, RejectCode};
 
 /// Kinds of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,6 +24,8 @@ pub enum ErrorKind {
     Refused(RejectCode),
     /// The dispatcher refused.
     NotDispatched(DispatchCode),
+    /// The map server refused.
+    NotEdited(MapEditCode),
     /// This client's role does not allow it; nothing was sent.
     NotAllowed,
     /// The router does not admit this client's identity.
@@ -55,6 +57,7 @@ impl ErrorKind {
             Self::OutcomeUnknown => "outcome_unknown".into(),
             Self::Refused(code) => reasons::name(&code),
             Self::NotDispatched(code) => reasons::name(&code),
+            Self::NotEdited(code) => reasons::name(&code),
             Self::NotAllowed => "not_allowed".into(),
             Self::NotAdmitted => "not_admitted".into(),
             Self::PortTaken => "port_taken".into(),

@@ -5,8 +5,8 @@
 use serde::{Serialize, de::DeserializeOwned};
 use xtb_control::Mode;
 use xtb_protocol::messages::{
-    BatteryLevel, DispatchCode, Fault, GoalStatus, Latch, LogCode, MapCell, RejectCode, Rejected, StopReason,
-    TaskState,
+    BatteryLevel, DispatchCode, Fault, GoalStatus, Latch, LogCode, MapCell, MapEditCode, RejectCode,
+    Rejected, StopReason, TaskState,
 };
 
 const DOC: &str = include_str!("../../../docs/protocol.md");
@@ -44,6 +44,7 @@ fn every_code_mode_status_reason_latch_and_fault_is_in_its_table() {
     knows::<TaskState>("## Dispatch");
     knows::<DispatchCode>("## Dispatch");
     knows::<LogCode>("## Recordings");
+    knows::<MapEditCode>("## Map edits");
 }
 
 #[test]

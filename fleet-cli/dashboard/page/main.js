@@ -10,6 +10,8 @@ import { Picture } from "./draw.js";
 import { bounds } from "./floor.js";
 import { Link } from "./link.js";
 import { FrameRate } from "./frame_rate.js";
+import { mapPanel } from "./edit_panel.js";
+import { MapEditor } from "./map_editor.js";
 import * as panels from "./panels.js";
 import { Plots } from "./plots.js";
 import { robotList, robotPanel } from "./robots.js";
@@ -64,11 +66,19 @@ const act = actions();
 const aim = new GoalTool(canvas, view, store, {
   select: (name) => act.select(name, true),
   goal: act.goal,
+  pose: act.pose,
+  editing: () => editor.draft !== null,
   changed,
   say: (text) => { byId("map-said").textContent = text; },
   fit: act.fit,
   withPoint,
   mayAim: () => store.writable() && link.open,
+});
+const editor = new MapEditor(canvas, view, store, link, {
+  changed,
+  say: (text) => { byId("map-said").textContent = text; },
+  began: () => aim.use("edit"),
+  ended: () => aim.use("look"),
 });
 
 function take(message) {
@@ -132,17 +142,29 @@ function actions() {
       aim.points = [];
       changed();
     },
+    aimPose: () => aim.use(aim.tool === "pose" ? "look" : "pose"),
     sendGoal: () => aim.send(),
+    sendPose: () => aim.send(),
     dropGoal: () => aim.clear(),
     async goal({ x_m, y_m, yaw_rad }) {
       const robot = store.selected;
       const send = (take) => ask({ goto: { robot, x_m, y_m, yaw_rad, take } }, `Goal for ${robot}`);
       mayTake((await send(false)).error, robot, "Take control and send", () => send(true));
     },
+    async pose({ x_m, y_m, yaw_rad }) {
+      const robot = store.selected;
+      const send = (take) => ask({ set_pose: { robot, x_m, y_m, yaw_rad, take } }, `Pose of ${robot}`);
+      const { ok, error } = await send(false);
+      if (ok && aim.tool === "pose") aim.use("look");
+      mayTake(error, robot, "Take control and set the pose", () => send(true));
+    },
     stop: (robot) => ask({ stop: { robot } }, `Stop of ${robot}`),
     reset: (robot) => ask({ reset: { robot } }, `Reset of ${robot}`),
     resetAll: () => ask({ reset_all: {} }, "Reset of all"),
     cancel: (task) => ask({ cancel: { task } }, `Cancel of ${task}`),
+    pause: (task) => ask({ pause: { task } }, `Pause of ${task}`),
+    resume: (task) => ask({ resume: { task } }, `Resume of ${task}`),
+    retry: (task) => ask({ retry: { task } }, `Retry of ${task}`),
     activate: () => ask({ activate: {} }, "Activation of the dispatcher"),
     adopt: () => ask({ adopt: {} }, "Adoption of tasks"),
     async submit() {
@@ -244,25 +266,26 @@ function drawPanels(nowMs) {
   const tab = document.documentElement.dataset.tab;
   if (WIDE.matches && tab === "robots") document.documentElement.dataset.tab = "robot";
   const look = { tool: aim.tool, preview: aim.preview, points: aim.points, said: nowMs - said.atMs < SAID_MS ? said.text : "",
-    answer, held, driving: drive.robot };
+    answer, held, driving: drive.robot, armed: editor.tool.armed };
   drawHeader(nowMs);
   render(panels.stops(stop, () => { stop = null; changed(); }), byId("stops"));
   render(panels.tabs(document.documentElement.dataset.tab, store, act), byId("tabs"));
   render(robotList(store, act), byId("robots"));
   render(robotPanel(store, act, look), byId("robot"));
   if (tab === "tasks") render(taskPanel(store, act, look), byId("tasks"));
+  if (tab === "edit") render(mapPanel(store, editor), byId("edit"));
   if (tab === "events") render(panels.events(store, nowMs), byId("events"));
   render(panels.tools(store, act, look), byId("map-tools"));
   render(panels.zoom(act), byId("map-zoom"));
   render(panels.note(store, act, look), byId("map-note"));
   render(panels.pace(pace, store), byId("pace"));
-  if (tab !== "tasks" && tab !== "events") plots.draw(store.samples, (name) => document.querySelector(`[data-plot="${name}"]`));
+  if (!["tasks", "events", "edit"].includes(tab)) plots.draw(store.samples, (name) => document.querySelector(`[data-plot="${name}"]`));
 }
 
 function drawHeader(nowMs) {
   const { hello } = store;
   byId("fleet").textContent = hello?.fleet ?? "fleet";
-  if (hello) document.title = `XTB ${hello.fleet}`;
+  if (hello) document.title = `${editor.dirty ? "* " : ""}XTB ${hello.fleet}`;
   const [words, tone, alarm] = connection(nowMs);
   const state = byId("link");
   state.className = `link ${tone}`;
@@ -364,7 +387,7 @@ function animate(nowMs) {
   const gliding = !CALM.matches && store.frameAtMs !== null && nowMs - store.frameAtMs < GLIDES_MS;
   if (moved || view.changed || isResized || gliding) {
     [moved, view.changed] = [false, false];
-    picture.draw(store, view, { preview: aim.preview, cursor: aim.cursor, points: aim.points, level: pace.level },
+    picture.draw(store, view, { preview: aim.preview, cursor: aim.cursor, points: aim.points, level: pace.level, draft: editor.draft },
       CALM.matches ? Infinity : nowMs);
   }
   if (store.frameAtMs !== null) pace.drew(nowMs);
@@ -390,4 +413,4 @@ WIDE.addEventListener("change", changed);
 requestAnimationFrame(animate);
 
 // For tests in a browser.
-export { aim, pace, store, view };
+export { aim, editor, pace, store, view };

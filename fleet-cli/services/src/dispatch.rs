@@ -19,6 +19,7 @@ use crate::ledger;
 use serde::Serialize;
 use standby_link::StandbyLink;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use store::Store;
 use tokio::sync::{oneshot, watch};
@@ -109,12 +110,18 @@ impl Standing {
 }
 
 impl DispatchService {
-    /// Starts it on a ledger that is held already; it answers when this returns.
+    /// Starts it on a ledger that is held already; it answers when this returns. `own`: the map, and its later
+    /// versions, if this process serves it.
     ///
     /// # Errors
     /// [`ErrorKind::Failed`]: the fleet has a dispatcher already, the ledger's entries make no sense, it is a copy,
     /// or has a stand-by that does not answer; or Zenoh would not.
-    pub async fn start(client: &Client, store: Store, map: Option<Map>, within: Duration) -> Result<Self> {
+    pub async fn start(
+        client: &Client,
+        store: Store,
+        own: Option<watch::Receiver<Arc<Map>>>,
+        within: Duration,
+    ) -> Result<Self> {
         store.no_copy()?;
         let now = Clock::start();
         let path = store.ledger.path().to_owned();
@@ -129,7 +136,7 @@ impl DispatchService {
         let none = Standing::of(&dispatcher, now.ms(), Counters::default(), Usage::default());
         let (told, standing) = watch::channel(none);
         let ledger = event_loop::Held { ledger: store.ledger, read, link };
-        let work = event_loop::Work::new(client, now, dispatcher, ledger, map, told).await?;
+        let work = event_loop::Work::new(client, now, dispatcher, ledger, own, told).await?;
         let working = tokio::spawn(run(work, stopped, token));
         Ok(Self { working, standing, stop: Some(stop) })
     }
@@ -179,7 +186,7 @@ async fn run(work: event_loop::Work, stopped: oneshot::Receiver<()>, token: Toke
 }
 
 /// The list of tasks as anybody may ask for it.
-pub(super) type List = std::sync::Arc<TaskList>;
+pub(super) type List = Arc<TaskList>;
 
 fn recover(now_ms: u64, path: &Path, entries: Vec<xtb_dispatch::Entry>) -> Result<Dispatcher> {
     let random = Uuid::new_v4().as_u128();

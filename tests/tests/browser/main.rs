@@ -9,6 +9,8 @@ mod driver;
 mod driving;
 mod foreign;
 mod hand;
+mod map;
+mod pose;
 mod signing_in;
 mod tasks;
 

@@ -99,7 +99,7 @@ struct Ended {
 /// with, or a stand-by that has taken over.
 pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
-    let own = args.map.as_deref().map(|file| map_file::read(file, args.fine.resolution_m)).transpose()?;
+    let own = args.map.as_deref().map(|file| map_file::to_serve(file, args.fine.resolution_m)).transpose()?;
     // Before anybody can ask: what is acknowledged has to go there.
     let store = match args.fresh {
         true => Store::fresh(&path, &ctx.settings.fleet)?,
@@ -119,12 +119,14 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
         return Ok(Exit::Done);
     };
     let starting = async {
-        let maps = match &own {
-            Some(map) => {
-                Some(MapService::start(client.bus(), client.keys(), map, ctx.settings.timeout).await?)
+        let maps = match own {
+            Some((map, kept)) => {
+                let (bus, keys, kept) = (client.bus(), client.keys(), Some(kept));
+                Some(MapService::start_kept(bus, keys, &map, kept, ctx.settings.timeout).await?)
             }
             None => None,
         };
+        let own = maps.as_ref().map(MapService::maps);
         let service = DispatchService::start(&client, store, own, ctx.settings.timeout).await?;
         Ok::<_, Error>((maps, service))
     };
@@ -158,6 +160,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
     tokio::select! {
         failure = service.ended() => return Err(failure),
         failure = client.refused() => return Err(failure),
+        () = map_file::follow_if_any(args.map.as_deref(), args.fine.resolution_m, maps.as_ref()) => {}
         () = &mut stop => {}
     }
     let standing = service.stop().await?;

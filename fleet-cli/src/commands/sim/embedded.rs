@@ -30,8 +30,7 @@ impl EmbeddedDispatcher {
         let own = ctx
             .with(|settings| (settings.connect, settings.robots) = (simulator.endpoints().to_vec(), robots));
         let client = Client::open(&own.settings).await?;
-        let service =
-            DispatchService::start(&client, store, simulator.map().cloned(), ctx.settings.timeout).await?;
+        let service = DispatchService::start(&client, store, simulator.maps(), ctx.settings.timeout).await?;
         Ok(Self { client, service })
     }
 

@@ -52,7 +52,7 @@ const PUTS: [(&str, &[Role]); 23] = [
     ("sim/truth", &[Role::Simulator]),
 ];
 /// Questions that nobody may ask but these.
-const QUESTIONS: [(&str, &[Role]); 9] = [
+const QUESTIONS: [(&str, &[Role]); 10] = [
     // steal the lease; command under the holder's; log and tasks under another's name
     ("xtb-1/cmd/alice", &[Role::Operator]),
     ("*/cmd/alice", &[Role::Operator]),
@@ -62,10 +62,11 @@ const QUESTIONS: [(&str, &[Role]); 9] = [
     ("xtb-1/estop/alice", &[Role::Operator]),
     ("dispatch/cmd/alice", &[Role::Operator]),
     ("dispatch/standby/dispatch", &[Role::Dispatcher]),
+    ("map/edit/alice", &[Role::Operator]),
     ("xtb-1/*/alice", &[]),
 ];
 /// Answers that nobody may give but these: a shadow of the robot, the dispatcher, the map or the roster.
-const SHADOWS: [(&str, &[Role]); 10] = [
+const SHADOWS: [(&str, &[Role]); 12] = [
     ("xtb-1/state", &[Role::Robot, Role::Simulator]),
     ("xtb-1/about", &[Role::Robot, Role::Simulator]),
     ("xtb-1/cmd/alice", &[Role::Robot, Role::Simulator]),
@@ -74,6 +75,8 @@ const SHADOWS: [(&str, &[Role]); 10] = [
     ("dispatch/cmd/alice", &[Role::Dispatcher]),
     ("map", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("map/places", &[Role::Map, Role::Dispatcher, Role::Simulator]),
+    ("map/history", &[Role::Map, Role::Dispatcher, Role::Simulator]),
+    ("map/edit/alice", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("sim/roster", &[Role::Simulator]),
     ("identity/alice", &[]),
 ];
@@ -122,7 +125,7 @@ async fn victims(pki: &Pki, router: &str, effects: &Effects) -> Vec<Box<dyn std:
             ],
             &[],
         ),
-        ("tasks", &["all/estop/*"], &["dispatch/cmd/*", "dispatch/standby/*"]),
+        ("tasks", &["all/estop/*"], &["dispatch/cmd/*", "dispatch/standby/*", "map/edit/*"]),
     ] {
         let session = client(pki, who, router).await;
         for key in hears {

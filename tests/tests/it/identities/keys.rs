@@ -29,7 +29,7 @@ const ROBOT: [&str; 22] = [
     "estop/*",
 ];
 /// Clients' keys of one robot, and the others.
-const OTHERS: [&str; 61] = [
+const OTHERS: [&str; 66] = [
     "xtb-1/cmd/alice-3f9a1c",
     "xtb-1/cmd/alicex",
     "xtb-1/cmd/vera",
@@ -60,6 +60,11 @@ const OTHERS: [&str; 61] = [
     "traffic/state",
     "map",
     "map/places",
+    "map/history",
+    "map/edit/alice",
+    "map/edit/vera",
+    "map/edit/web-3f9a1c",
+    "map/edit/*",
     "dispatch/alive",
     "dispatch/tasks",
     "dispatch/event",
