@@ -49,6 +49,7 @@ impl From<ErrorKind> for Exit {
             ErrorKind::Refused(_)
             | ErrorKind::ParamRefused(_)
             | ErrorKind::NotDispatched(_)
+            | ErrorKind::NotEdited(_)
             | ErrorKind::NotAllowed
             | ErrorKind::PortTaken
             | ErrorKind::Failed => Self::Failed,
@@ -62,7 +63,7 @@ impl From<ErrorKind> for Exit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_protocol::messages::RejectCode;
+    use xtb_protocol::messages::{MapEditCode, RejectCode};
 
     #[test]
     fn each_kind_of_error_has_its_code_and_its_exit_code() {
@@ -76,6 +77,7 @@ mod tests {
             (ErrorKind::Refused(RejectCode::LeaseHeld), "lease_held", 1),
             (ErrorKind::NotDispatched(DispatchCode::KeepOut), "keep_out", 1),
             (ErrorKind::NotDispatched(DispatchCode::Unconfirmed), "unconfirmed", 3),
+            (ErrorKind::NotEdited(MapEditCode::Conflict), "conflict", 1),
             (ErrorKind::NotAllowed, "not_allowed", 1),
             (ErrorKind::NotAdmitted, "not_admitted", 3),
             (ErrorKind::NameTaken, "name_taken", 4),

@@ -1,16 +1,20 @@
-//! Maps from files: as map_server writes them, or drawn from a world.
+//! Maps from files: as map_server writes them, or drawn from a world; and changes of them.
+
+mod write;
+
+pub(crate) use write::write;
 
 use crate::output::Output;
 use robot_agent::files::{self, FileError};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_nav::Map;
 use xtb_nav::map::ros::Description;
 use xtb_protocol::messages::is_map_name;
-use xtb_services::map_server::MapService;
+use xtb_services::map_server::{History, KeptMap, MapService, MapStore};
 use xtb_sim::World;
 
 /// How often a served file is looked at.
@@ -104,11 +108,55 @@ fn is_instance(text: &str) -> bool {
     serde_saphyr::from_str::<WithAgents>(text).is_ok()
 }
 
-/// Whoever changes the file's places changes those that are served; for another floor or other zones the server is to
-/// be started again, and says so.
-pub(crate) async fn follow(path: &Path, resolution_m: f64, served: &Map, service: &MapService) {
+/// A map or a world on the disk, which is changed through the map server.
+struct MapFile {
+    path: PathBuf,
+    resolution_m: f64,
+}
+
+impl MapStore for MapFile {
+    fn read(&mut self) -> std::result::Result<Map, String> {
+        read(&self.path, self.resolution_m).map_err(|error| error.to_string())
+    }
+
+    fn write(&mut self, map: &Map) -> std::result::Result<(), String> {
+        write(&self.path, Some(map.zones()), map.places()).map_err(|error| error.to_string())
+    }
+}
+
+/// Where the map of this file and its history are kept, for whoever serves it.
+///
+/// # Errors
+/// [`ErrorKind::Config`]: there is a history that cannot be read.
+fn kept(path: &Path, resolution_m: f64) -> Result<KeptMap> {
+    let history = History::beside(path);
+    let history = History::open(&history).map_err(|error| {
+        Error::new(ErrorKind::Config, error.to_string())
+            .hint("move it away to begin another history of the map")
+    })?;
+    Ok(KeptMap { store: Box::new(MapFile { path: path.to_owned(), resolution_m }), history })
+}
+
+/// A map and where it and its history are kept, for whoever serves it.
+///
+/// # Errors
+/// As [`load`] and [`kept`].
+pub(crate) fn to_serve(out: &Output, path: &Path, resolution_m: f64) -> Result<(Map, KeptMap)> {
+    Ok((load(out, path, resolution_m)?, kept(path, resolution_m)?))
+}
+
+/// As [`follow`] where a file's map is served; else it never ends.
+pub(crate) async fn follow_if_any(path: Option<&Path>, resolution_m: f64, service: Option<&MapService>) {
+    match (path, service) {
+        (Some(path), Some(service)) => follow(path, resolution_m, service).await,
+        _ => std::future::pending().await,
+    }
+}
+
+/// Whoever changes the file's zones and places changes those that are served.
+pub(crate) async fn follow(path: &Path, resolution_m: f64, service: &MapService) {
     let changed = || std::fs::metadata(path).and_then(|file| file.modified()).ok();
-    let (mut seen, mut places) = (changed(), served.places().to_vec());
+    let (mut seen, mut broken) = (changed(), None);
     let mut tick = tokio::time::interval(LOOK_EVERY);
     loop {
         tick.tick().await;
@@ -116,21 +164,16 @@ pub(crate) async fn follow(path: &Path, resolution_m: f64, served: &Map, service
         if now == seen || now.is_none() {
             continue;
         }
-        seen = now;
         match read(path, resolution_m) {
-            Ok(map) if map.hash() != served.hash() => {
-                tracing::warn!(
-                    "{}: its floor or its zones are others now; start again to serve them",
-                    path.display()
-                );
+            Ok(map) => {
+                seen = now;
+                service.file_holds(map).await;
             }
-            Ok(map) if map.places() != places => {
-                places = map.places().to_vec();
-                tracing::info!("{}: {} places", path.display(), places.len());
-                service.set_places(places.clone());
+            // It may be half written: it is read again.
+            Err(error) if std::mem::replace(&mut broken, now) != now => {
+                tracing::warn!("{error}; the map stays as it was");
             }
-            Ok(_) => {}
-            Err(error) => tracing::warn!("{error}; its places stay as they were"),
+            Err(_) => {}
         }
     }
 }

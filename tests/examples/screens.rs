@@ -95,6 +95,7 @@ async fn main() {
     camera.setting(PHONE, "dark").await;
     camera.take("phone-dark").await;
     browser.click("#drive-end").await;
+    edit(&camera).await;
 
     camera.setting(DESKTOP, "dark").await;
     browser.click("[data-robot=xtb-3]").await;
@@ -113,6 +114,23 @@ async fn main() {
     }
     camera.browser.end().await;
     fleet.end().await;
+}
+
+/// The map while it is edited; nothing is saved.
+async fn edit(camera: &Camera) {
+    let browser = &camera.browser;
+    camera.setting(DESKTOP, "dark").await;
+    browser.click("[data-for=edit]").await;
+    browser.click("#edit-begin").await;
+    browser.click("[data-arm=keep_out]").await;
+    browser.drag(browser.on_screen(1.8, -1.6).await, browser.on_screen(4.2, 0.2).await).await;
+    browser.until("a zone", "return editor.draft.selected?.kind === 'zones'").await;
+    browser.fill("#edit-name", "crane").await;
+    browser.fill("#edit-why", "the crane has moved").await;
+    browser.until("a version", "return editor.history !== null && editor.draft.item.name === 'crane'").await;
+    camera.setting(DESKTOP, "dark").await;
+    camera.take("editing").await;
+    browser.click("#edit-end").await;
 }
 
 /// Five robots in the lab.

@@ -9,8 +9,9 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{
-    DispatchReply, FleetHomes, FleetAlerts, FleetMap, FleetPlaces, HistoryReply, LogReply, Message, ParamReply, Reply, Request,
-    Roster, StandbyReply, TaskList, Truth,
+    DispatchReply, FleetHomes, FleetAlerts, FleetMap, FleetPlaces, HistoryReply, LogReply, MapHistory, Message, ParamReply, Reply, Request,
+    Roster,
+    StandbyReply, TaskList, Truth,
 };
 use xtb_protocol::wire::{self, CodecError};
 use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as Answer};
@@ -30,6 +31,7 @@ fn longest_bytes(channel: &Channel) -> usize {
         Channel::Param(_) => ParamReply::MAX_BYTES,
         Channel::Map => FleetMap::MAX_BYTES,
         Channel::Places => FleetPlaces::MAX_BYTES,
+        Channel::MapHistory => MapHistory::MAX_BYTES,
         Channel::DispatchCmd(_) => DispatchReply::MAX_BYTES,
         Channel::DispatchStandby(_) => StandbyReply::MAX_BYTES,
         Channel::DispatchTasks => TaskList::MAX_BYTES,
@@ -52,6 +54,7 @@ fn longest_bytes(channel: &Channel) -> usize {
         | Channel::Teleop(_)
         | Channel::Estop(_)
         | Channel::EstopAll(_)
+        | Channel::MapEdit(_)
         | Channel::TrafficAlive
         | Channel::TrafficState
         | Channel::DispatchAlive

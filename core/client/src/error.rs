@@ -3,7 +3,7 @@
 use crate::text::reasons;
 use std::fmt;
 use xtb_bus::BusError;
-use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, ParamCode, RejectCode};
+use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, ParamCode, MapEditCode, RejectCode};
 
 /// Kinds of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,6 +26,8 @@ pub enum ErrorKind {
     ParamRefused(ParamCode),
     /// The dispatcher refused.
     NotDispatched(DispatchCode),
+    /// The map server refused.
+    NotEdited(MapEditCode),
     /// This client's role does not allow it; nothing was sent.
     NotAllowed,
     /// The router does not admit this client's identity.
@@ -58,6 +60,7 @@ impl ErrorKind {
             Self::Refused(code) => reasons::name(&code),
             Self::ParamRefused(code) => reasons::name(&code),
             Self::NotDispatched(code) => reasons::name(&code),
+            Self::NotEdited(code) => reasons::name(&code),
             Self::NotAllowed => "not_allowed".into(),
             Self::NotAdmitted => "not_admitted".into(),
             Self::PortTaken => "port_taken".into(),

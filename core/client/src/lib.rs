@@ -29,7 +29,7 @@
 //! * [`params`]: settings of running robots.
 //! * [`scene`]: the whole fleet as screens show it. [`text`]: states in words.
 //! * [`rights`]: what the client's role allows. Who may not is told at once, without a message.
-//! * [`DispatcherClient`]: tasks for whoever is free. [`map_source`]: the fleet's map.
+//! * [`DispatcherClient`]: tasks for whoever is free. [`map_source`]: the fleet's map; [`map_edit`]: changes of it.
 //! * [`subscription`], [`messages`]: every message on the fleet's keys, for recorders and screens.
 //!
 //! A package outside this workspace names it by path (`xtb-client = { path = "…/core/client" }`). For links over TLS
@@ -51,6 +51,7 @@ pub mod estop;
 pub mod fake;
 pub mod fleet_view;
 pub mod goal;
+pub mod map_edit;
 pub mod map_source;
 pub mod messages;
 pub mod multi_robot;

@@ -93,6 +93,18 @@ impl<M: Message + Send + Sync + 'static> Source<M> {
         Ok(Self { newest, _listening })
     }
 
+    /// Waits for the next one.
+    pub async fn next(&mut self) -> Arc<FleetMap> {
+        loop {
+            if self.newest.changed().await.is_err() {
+                std::future::pending::<()>().await;
+            }
+            if let Some(map) = self.newest.borrow_and_update().clone() {
+                return map;
+            }
+        }
+    }
+
     /// The newest one.
     #[must_use]
     pub fn newest(&self) -> Option<Arc<M>> {

@@ -8,8 +8,10 @@ use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
     About, AckRequest, DispatchRequest, Estop, Event, Fix, FleetHomes, FleetAlerts, FleetMap, FleetPlaces,
-    HistoryRequest, IdentityStatus, LogRequest, Message, NearState, ParamRequest, Request, RobotState, Roster, Route,
-    Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent, TaskList, TrafficState, Truth,
+    HistoryRequest, IdentityStatus, LogRequest, MapEdit, 
+    MapHistory, Message, NearState, ParamRequest, Request, RobotState, Roster, Route,
+    Sensors, Setpoint, SimStats,
+    StandbyRequest, TaskEvent, TaskList, TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
 
@@ -85,6 +87,10 @@ any_message! {
     Map(FleetMap),
     /// Places of the fleet's floor.
     Places(FleetPlaces),
+    /// What a client asks of the map server.
+    MapEdit(MapEdit),
+    /// Who changed the map, when and why.
+    MapHistory(MapHistory),
     /// Where simulated robots really are.
     Truth(Truth),
     /// Which robots should be there.
@@ -165,6 +171,8 @@ impl AnyMessage {
             Channel::TrafficState => bytes.read::<TrafficState>()?.into(),
             Channel::Map => bytes.read::<FleetMap>()?.into(),
             Channel::Places => bytes.read::<FleetPlaces>()?.into(),
+            Channel::MapHistory => bytes.read::<MapHistory>()?.into(),
+            Channel::MapEdit(_) => bytes.read::<MapEdit>()?.into(),
             Channel::SimTruth => bytes.read::<Truth>()?.into(),
             Channel::SimRoster => bytes.read::<Roster>()?.into(),
             Channel::SimStats => bytes.read::<SimStats>()?.into(),

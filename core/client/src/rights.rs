@@ -83,12 +83,13 @@ mod tests {
         }
     }
 
-    const ACTIONS: [Action; 12] = [
+    const ACTIONS: [Action; 13] = [
         Action::Look,
         Action::EmergencyStop,
         Action::Drive,
         Action::FetchRecordings,
         Action::ChangeTasks,
+        Action::ChangeMap,
         Action::ServeDispatcher,
         Action::ServeTraffic,
         Action::ServeMap,

@@ -47,6 +47,8 @@ pub enum Action {
     FetchRecordings,
     /// Submit and change tasks.
     ChangeTasks,
+    /// Change zones and places of the fleet's map.
+    ChangeMap,
     /// Run a dispatcher.
     ServeDispatcher,
     /// Run traffic control.
@@ -144,7 +146,9 @@ impl Role {
         match self {
             Self::Robot => "may be driven, under its own name",
             Self::Viewer => "may look and call an emergency stop",
-            Self::Operator => "may look, drive, change tasks, fetch recordings and call an emergency stop",
+            Self::Operator => {
+                "may look, drive, change tasks and the map, fetch recordings and call an emergency stop"
+            }
             Self::Dashboard => "may serve the page, and do for its users what an operator may",
             Self::Dispatcher => "may look, run a dispatcher and drive robots for its tasks",
             Self::Traffic => "may look and run traffic control",
@@ -164,7 +168,15 @@ impl Role {
             Self::Robot => action == A::RunRobot,
             Self::Viewer => matches!(action, A::Look | A::EmergencyStop),
             Self::Operator => {
-                matches!(action, A::Look | A::EmergencyStop | A::Drive | A::FetchRecordings | A::ChangeTasks)
+                matches!(
+                    action,
+                    A::Look
+                        | A::EmergencyStop
+                        | A::Drive
+                        | A::FetchRecordings
+                        | A::ChangeTasks
+                        | A::ChangeMap
+                )
             }
             Self::Dashboard => matches!(
                 action,
@@ -173,6 +185,7 @@ impl Role {
                     | A::Drive
                     | A::FetchRecordings
                     | A::ChangeTasks
+                    | A::ChangeMap
                     | A::ServeDashboard
             ),
             // It includes traffic control, and serves the map if it is given one.
@@ -199,6 +212,7 @@ impl Action {
             Self::Drive => "control robots",
             Self::FetchRecordings => "fetch recordings",
             Self::ChangeTasks => "change tasks",
+            Self::ChangeMap => "change the map",
             Self::ServeDispatcher => "run a dispatcher",
             Self::ServeTraffic => "run traffic control",
             Self::ServeMap => "serve a map",

@@ -18,7 +18,7 @@ pub mod wire;
 mod zone;
 
 pub use layers::{ZoneLayers, Zones};
-pub use places::check_places;
+pub use places::{check_places, places_hash};
 pub use zone::{Zone, ZoneError, ZoneKind};
 
 use crate::MapPose;
@@ -26,7 +26,7 @@ use crate::geometry::{Car, Cell, Grid, Rect};
 use crc::{CRC_64_XZ, Crc};
 use std::f64::consts::TAU;
 use thiserror::Error;
-use xtb_protocol::messages::{MAX_ZONES, MapHash, MapPlace, is_map_name};
+use xtb_protocol::messages::{MAX_ZONES, MapContent, MapHash, MapPlace, is_map_name};
 
 /// Why a map cannot be.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -162,6 +162,20 @@ impl Map {
             raster::polygon(&mut grid, zone.points(), Cell::Occupied);
         }
         grid
+    }
+
+    /// What it holds, floor, zones and places, as hashes.
+    #[must_use]
+    pub fn content(&self) -> MapContent {
+        MapContent { map: self.hash, places: places_hash(&self.places) }
+    }
+
+    /// The same floor with other zones and places.
+    ///
+    /// # Errors
+    /// See [`MapError`].
+    pub fn with(&self, zones: Vec<Zone>, places: Vec<MapPlace>) -> Result<Self, MapError> {
+        Self::new(&self.name, self.grid.clone(), zones)?.with_places(places)
     }
 
     /// The same for the same resolution, origin, cells and zones, in whatever form they came.

@@ -236,6 +236,8 @@ channels! {
         Map: map, MAP, "map", BULK;
         /// [`FleetPlaces`](crate::messages::FleetPlaces) of that map; also a queryable.
         Places: places, PLACES, "map/places", BULK;
+        /// [`MapHistory`](crate::messages::MapHistory): who changed that map, when and why; queryable.
+        MapHistory: map_history, MAP_HISTORY, "map/history", BULK;
         /// Presence of the dispatcher, a liveliness token: one for a fleet.
         DispatchAlive: dispatch_alive, DISPATCH_ALIVE, "dispatch/alive", RELIABLE;
         /// [`TaskList`](crate::messages::TaskList), queryable.
@@ -258,6 +260,8 @@ channels! {
     fleet by client { // xtb/<fleet>/…/<client>
         /// [`Estop`](crate::messages::Estop) of every robot.
         EstopAll: estop_all, ESTOP_ALL, "all/estop", ESTOP;
+        /// [`MapEdit`](crate::messages::MapEdit) → [`MapEditReply`](crate::messages::MapEditReply).
+        MapEdit: map_edit, MAP_EDIT, "map/edit", RELIABLE;
         /// [`DispatchRequest`](crate::messages::DispatchRequest) → [`DispatchReply`](crate::messages::DispatchReply).
         DispatchCmd: dispatch_cmd, DISPATCH_CMD, "dispatch/cmd", RELIABLE;
         /// [`AckRequest`](crate::messages::AckRequest) → [`AckReply`](crate::messages::AckReply).
@@ -381,6 +385,8 @@ mod tests {
             (fleet.traffic_state(), Channel::TrafficState),
             (fleet.map(), Channel::Map),
             (fleet.places(), Channel::Places),
+            (fleet.map_history(), Channel::MapHistory),
+            (fleet.map_edit(Some(&client)), Channel::MapEdit(client.clone())),
             (fleet.dispatch_alive(), Channel::DispatchAlive),
             (fleet.dispatch_cmd(Some(&client)), Channel::DispatchCmd(client.clone())),
             (fleet.dispatch_standby(Some(&client)), Channel::DispatchStandby(client.clone())),

@@ -5,8 +5,8 @@
 use serde::{Serialize, de::DeserializeOwned};
 use xtb_control::Mode;
 use xtb_protocol::messages::{
-    BatteryLevel, DispatchCode, Fault, GoalStatus, HomeStatus, Latch, LogCode, MapCell, ParamCode, RejectCode, Rejected, StopReason,
-    TaskState,
+    BatteryLevel, DispatchCode, Fault, GoalStatus, HomeStatus, Latch, LogCode, MapCell, ParamCode, RejectCodeMapEditCode, RejectCode,
+    Rejected, StopReason, TaskState,
 };
 
 const DOC: &str = include_str!("../../../docs/protocol.md");
@@ -46,6 +46,7 @@ fn every_code_mode_status_reason_latch_and_fault_is_in_its_table() {
     knows::<HomeStatus>("## Dispatch");
     knows::<LogCode>("## Recordings");
     knows::<ParamCode>("## Settings");
+    knows::<MapEditCode>("## Map edits");
 }
 
 #[test]

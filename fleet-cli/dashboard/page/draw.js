@@ -1,5 +1,6 @@
 // The map's picture: floor and trails from pictures that are kept, everything that moves anew each time.
 
+import { drawDraft } from "./edit_draw.js";
 import { bounds, cellsPictures, drawCells, drawGrid, drawPlaces, drawScale, drawZones } from "./floor.js";
 import { circle, disc, flag, octagon, wheels } from "./shapes.js";
 import { shown } from "./store.js";
@@ -57,16 +58,17 @@ export class Picture {
     return true;
   }
 
-  // `look`: {preview, cursor, points, level}
+  // `look`: {preview, cursor, points, level, draft}
   draw(store, view, look, nowMs) {
     const context = this.#context;
     const ratio = this.#canvas.width / Math.max(1, this.width);
-    this.#keepFloor(store, view, ratio);
+    this.#keepFloor(store, view, ratio, look.draft !== null);
     this.#keepTrails(store, view, ratio, look.level, nowMs);
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.drawImage(this.#floor, 0, 0);
     if (look.level < 4) context.drawImage(this.#trails, 0, 0);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    if (look.draft) drawDraft(context, view, look.draft, this.#colours);
     const robots = [...store.robots.values()].filter((robot) => robot.pose);
     const chosen = (robot) => robot.name === store.selected;
     for (const robot of robots) if (look.level < 3 || chosen(robot)) this.#path(view, robot);
@@ -80,9 +82,10 @@ export class Picture {
     drawScale(context, view, 14, this.height - 22, this.#colours);
   }
 
-  #keepFloor(store, view, ratio) {
+  // Zones and places that are being edited are not part of it.
+  #keepFloor(store, view, ratio, edited) {
     const { x, y, k } = view.transform;
-    const key = `${store.mapCount} ${x} ${y} ${k}`;
+    const key = `${store.mapCount} ${x} ${y} ${k} ${edited}`;
     if (key === this.#floorKey) return;
     this.#floorKey = key;
     this.#trailsKey = "";
@@ -106,9 +109,9 @@ export class Picture {
     drawGrid(context, view, this.width, this.height, this.#colours);
     context.restore();
     if (!store.map) return;
-    drawZones(context, view, store.map, this.#colours);
+    if (!edited) drawZones(context, view, store.map, this.#colours);
     drawCells(context, view, store.map, this.#cells.walls);
-    drawPlaces(context, view, store.places, this.#colours);
+    if (!edited) drawPlaces(context, view, store.places, this.#colours);
   }
 
   #keepTrails(store, view, ratio, level, nowMs) {

@@ -3,6 +3,8 @@
 //   look:   a tap on a robot selects it; on the floor it sets a preview, whose ring turns it; Send sends
 //   goals:  press, drag for the heading, let go: sent at once
 //   points: each tap adds a point to the task, or replaces the only one
+//   pose:   press where the selected robot stands, drag for its heading; Set pose sends
+//   edit:   nothing here: edit_tool.js has mouse and keys
 
 import { HANDLE_PX } from "./draw.js";
 import { placeAt } from "./floor.js";
@@ -30,7 +32,7 @@ export class GoalTool {
   #placeYaw = null; // of the place that is aimed at
   #press = null; // {pointer, x, y, kind: "tap" | "goal" | "turn"}
 
-  // `act`: {select(name), goal(preview), changed(), say(text), fit(), withPoint(points, point), mayAim()}
+  // `act`: {select(name), goal(preview), pose(preview), changed(), say(text), fit(), withPoint(points, point), mayAim(), editing()}
   constructor(canvas, view, store, act) {
     [this.#canvas, this.#view, this.#store, this.#do] = [canvas, view, store, act];
     canvas.addEventListener("pointerdown", (event) => this.#down(event));
@@ -45,9 +47,10 @@ export class GoalTool {
   }
 
   use(tool) {
+    if (this.tool === "edit" && this.#do.editing()) return;
     this.tool = tool;
     this.preview = null;
-    this.#canvas.classList.toggle("aims", tool !== "look");
+    this.#canvas.classList.toggle("aims", !["look", "edit"].includes(tool));
     this.#do.changed();
   }
 
@@ -63,9 +66,10 @@ export class GoalTool {
 
   #down(event) {
     this.#setCursor(null);
+    if (this.tool === "edit") return;
     if (this.#press !== null) {
       // A second finger pans or zooms: nothing is aimed at.
-      if (this.#press.kind === "goal") this.preview = null;
+      if (this.#press.kind === "goal" || this.#press.kind === "pose") this.preview = null;
       this.#drop();
       this.#do.changed();
       return;
@@ -76,6 +80,9 @@ export class GoalTool {
     if (this.tool === "goals" && this.#canAim() && !this.#robotAt(x, y)) {
       press.kind = "goal";
       this.preview = this.#aimAt(x, y);
+    } else if (this.tool === "pose" && this.#canAim() && !(this.preview && this.#onHandle(x, y))) {
+      press.kind = "pose";
+      this.preview = this.#poseAt(this.#aimAt(x, y));
     } else if (this.preview && this.#onHandle(x, y)) {
       press.kind = "turn";
     }
@@ -115,6 +122,12 @@ export class GoalTool {
     return { x_m, y_m, yaw_rad: this.#placeYaw };
   }
 
+  // As a pose: with a heading, the present one unless the place has another.
+  #poseAt(at) {
+    this.#placeYaw = at.yaw_rad ?? this.#store.robot()?.pose?.yaw_rad ?? 0;
+    return { x_m: at.x_m, y_m: at.y_m, yaw_rad: this.#placeYaw };
+  }
+
   #drop() {
     this.#press = null;
     this.#view.held = false;
@@ -142,7 +155,8 @@ export class GoalTool {
   #send() {
     const preview = this.preview;
     this.preview = null;
-    this.#do.goal(preview);
+    if (this.tool === "pose") this.#do.pose(preview);
+    else this.#do.goal(preview);
     this.#do.changed();
   }
 
@@ -192,7 +206,7 @@ export class GoalTool {
       n: () => this.#next(),
     };
     const act = keys[event.key];
-    if (!act) return;
+    if (!act || (this.tool === "edit" && !["+", "-", "0"].includes(event.key))) return;
     event.preventDefault();
     act();
     this.#do.changed();
@@ -228,8 +242,9 @@ export class GoalTool {
       this.#send();
     } else {
       this.cursor = at;
-      this.preview = { ...at, yaw_rad: null };
-      if (this.tool === "goals") this.#send();
+      this.preview = this.tool === "pose" ? this.#poseAt(at) : { ...at, yaw_rad: null };
+      if (this.tool === "pose") this.#do.say(`${this.#store.selected} stands there? Enter sets its pose`);
+      else if (this.tool === "goals") this.#send();
       else this.#do.say(`goal for ${this.#store.selected} at x ${at.x_m.toFixed(2)}, y ${at.y_m.toFixed(2)} m; Enter sends it`);
     }
   }

@@ -12,6 +12,8 @@ import { Picture } from "./draw.js";
 import { bounds } from "./floor.js";
 import { Link } from "./link.js";
 import { FrameRate } from "./frame_rate.js";
+import { mapPanel } from "./edit_panel.js";
+import { MapEditor } from "./map_editor.js";
 import * as panels from "./panels.js";
 import { PlaybackBar } from "./playback.js";
 import { Plots } from "./plots.js";
@@ -71,11 +73,19 @@ const act = actions();
 const aim = new GoalTool(canvas, view, store, {
   select: (name) => act.select(name, true),
   goal: act.goal,
+  pose: act.pose,
+  editing: () => editor.draft !== null,
   changed,
   say: (text) => { byId("map-said").textContent = text; },
   fit: act.fit,
   withPoint,
   mayAim: () => store.writable() && link.open,
+});
+const editor = new MapEditor(canvas, view, store, link, {
+  changed,
+  say: (text) => { byId("map-said").textContent = text; },
+  began: () => aim.use("edit"),
+  ended: () => aim.use("look"),
 });
 
 function take(message) {
@@ -107,7 +117,7 @@ function answerFrame() {
 // With how many alerts are open, also of a page that is hidden.
 function title() {
   const calls = alarm.update(store);
-  document.title = `${calls}XTB ${store.hello?.fleet ?? "fleet"}`;
+  document.title = `${editor.dirty ? "* " : ""}${calls}XTB ${store.hello?.fleet ?? "fleet"}`;
 }
 
 // The panels are drawn anew with the next picture.
@@ -155,12 +165,21 @@ function actions() {
       aim.points = [];
       changed();
     },
+    aimPose: () => aim.use(aim.tool === "pose" ? "look" : "pose"),
     sendGoal: () => aim.send(),
+    sendPose: () => aim.send(),
     dropGoal: () => aim.clear(),
     async goal({ x_m, y_m, yaw_rad }) {
       const robot = store.selected;
       const send = (take) => ask({ goto: { robot, x_m, y_m, yaw_rad, take } }, `Goal for ${robot}`);
       mayTake((await send(false)).error, robot, "Take control and send", () => send(true));
+    },
+    async pose({ x_m, y_m, yaw_rad }) {
+      const robot = store.selected;
+      const send = (take) => ask({ set_pose: { robot, x_m, y_m, yaw_rad, take } }, `Pose of ${robot}`);
+      const { ok, error } = await send(false);
+      if (ok && aim.tool === "pose") aim.use("look");
+      mayTake(error, robot, "Take control and set the pose", () => send(true));
     },
     stop: (robot) => ask({ stop: { robot } }, `Stop of ${robot}`),
     reset: (robot) => ask({ reset: { robot } }, `Reset of ${robot}`),
@@ -181,6 +200,9 @@ function actions() {
       }
       changed();
     },
+    pause: (task) => ask({ pause: { task } }, `Pause of ${task}`),
+    resume: (task) => ask({ resume: { task } }, `Resume of ${task}`),
+    retry: (task) => ask({ retry: { task } }, `Retry of ${task}`),
     activate: () => ask({ activate: {} }, "Activation of the dispatcher"),
     adopt: () => ask({ adopt: {} }, "Adoption of tasks"),
     async submit() {
@@ -282,20 +304,21 @@ function drawPanels(nowMs) {
   const tab = document.documentElement.dataset.tab;
   if (WIDE.matches && tab === "robots") document.documentElement.dataset.tab = "robot";
   const look = { tool: aim.tool, preview: aim.preview, points: aim.points, said: nowMs - said.atMs < SAID_MS ? said.text : "",
-    answer, held, driving: drive.robot };
+    answer, held, driving: drive.robot, armed: editor.tool.armed };
   drawHeader(nowMs);
   render(panels.stops(stop, () => { stop = null; changed(); }), byId("stops"));
   render(panels.tabs(document.documentElement.dataset.tab, store, act), byId("tabs"));
   render(robotList(store, act), byId("robots"));
   render(robotPanel(store, act, look), byId("robot"));
   if (tab === "tasks") render(taskPanel(store, act, look), byId("tasks"));
+  if (tab === "edit") render(mapPanel(store, editor), byId("edit"));
   if (tab === "events") render(events(store, act, nowMs), byId("events"));
   if (tab === "alerts") render(alertPanel(store, act, alarm), byId("alerts"));
   render(panels.tools(store, act, look), byId("map-tools"));
   render(panels.zoom(act), byId("map-zoom"));
   render(panels.note(store, act, look), byId("map-note"));
   render(panels.pace(pace, store), byId("pace"));
-  if (!["tasks", "events", "alerts"].includes(tab)) plots.draw(store.samples, (name) => document.querySelector(`[data-plot="${name}"]`));
+  if (!["tasks", "events", "alerts", "edit"].includes(tab)) plots.draw(store.samples, (name) => document.querySelector(`[data-plot="${name}"]`));
 }
 
 function drawHeader(nowMs) {
@@ -406,7 +429,7 @@ function animate(nowMs) {
   const gliding = !CALM.matches && store.frameAtMs !== null && nowMs - store.frameAtMs < GLIDES_MS;
   if (moved || view.changed || isResized || gliding) {
     [moved, view.changed] = [false, false];
-    picture.draw(store, view, { preview: aim.preview, cursor: aim.cursor, points: aim.points, level: pace.level },
+    picture.draw(store, view, { preview: aim.preview, cursor: aim.cursor, points: aim.points, level: pace.level, draft: editor.draft },
       CALM.matches ? Infinity : nowMs);
   }
   if (store.frameAtMs !== null) pace.drew(nowMs);
@@ -430,4 +453,4 @@ WIDE.addEventListener("change", changed);
 requestAnimationFrame(animate);
 
 // For tests in a browser.
-export { aim, pace, store, view };
+export { aim, editor, pace, store, view };

@@ -1,10 +1,12 @@
 // The rest of the panels: tabs, what became of an emergency stop, the tools on the map, the header.
 
 import { html, nothing } from "./vendor/lit-html.js";
+import { repeat } from "./vendor/directives/repeat.js";
+import { poseNote } from "./pose_tool.js";
 import { form } from "./tasks.js";
 import { degrees, number, point } from "./words.js";
 
-export const TABS = { robots: "Robots", robot: "Robot", tasks: "Tasks", events: "Events", alerts: "Alerts" };
+export const TABS = { robots: "Robots", robot: "Robot", tasks: "Tasks", events: "Events", alerts: "Alerts", edit: "Map" };
 
 export function tabs(shown, store, act) {
   const title = (name) => (name === "robot" && store.selected ? store.selected : TABS[name]);
@@ -39,9 +41,10 @@ export function tools(store, act, look) {
   const denied = store.denied();
   const button = (tool, text, title) => html`<button type="button" data-tool=${tool} title=${denied ?? title}
     ?disabled=${denied !== null} aria-pressed=${look.tool === tool} @click=${() => act.use(tool)}>${text}</button>`;
-  if (!store.controls()) return nothing;
+  if (!store.controls() || look.tool === "edit") return nothing;
   return html`${button("look", "View", "Pan and zoom; a tap on the map previews a goal")}
     ${button("goals", "Send goals", "Press, drag for the heading, release: sent at once")}
+    ${look.tool === "pose" ? button("pose", "Set pose", "Tell a standing robot where it is") : nothing}
     ${look.tool === "points" ? button("points", "Points", "Each tap adds a point to the new task") : nothing}`;
 }
 
@@ -53,11 +56,15 @@ export function zoom(act) {
 
 export function note(store, act, look) {
   const { preview, said, tool } = look;
+  if (tool === "pose" && (preview || !said)) return poseNote(store, act, preview);
   if (preview) {
     const heading = preview.yaw_rad === null ? "any heading" : degrees(preview.yaw_rad);
     return html`<span><strong>${store.selected}</strong> to ${point(preview)}, ${heading}</span>
       ${tool === "goals" ? nothing : html`<button type="button" class="main" id="goal-send" @click=${act.sendGoal}>Send</button>
         <button type="button" aria-label="Discard this goal" @click=${act.dropGoal}>✕</button>`}`;
+  }
+  if (tool === "edit" && look.armed) {
+    return html`<span>${look.armed === "place" ? "Press where the place is; drag for the yaw on arrival" : "Press and drag: a rectangle"}</span>`;
   }
   if (said) return html`<span>${said}</span>`;
   if (tool === "goals") {

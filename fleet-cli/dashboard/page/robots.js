@@ -130,6 +130,8 @@ function buttons(robot, store, act, look) {
       <button type="button" id="drive-begin" title=${title} ?disabled=${off || !robot.alive || robot.stale}
         @click=${() => (driving ? act.driveEnd() : act.drive(robot.name, false))}>${driving ? "End driving" : "Drive by hand"}</button>
     </div>
+    <div class="row"><button type="button" id="set-pose" title=${denied ?? "Tell it where it stands"} aria-pressed=${look.tool === "pose"}
+      ?disabled=${off || !robot.alive || robot.stale} @click=${act.aimPose}>Set pose</button></div>
     ${held
       ? html`<div class="box warn"><p>${held.text}</p><div class="row">
           <button type="button" class="danger" id="take" @click=${held.take}>${held.title}</button></div></div>`

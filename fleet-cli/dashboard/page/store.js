@@ -12,6 +12,7 @@ export class Store {
   map = null;
   mapCount = 0; // grows with each map and its places: who draws it sees that there is a new one
   places = [];
+  mapContent = null; // hashes of map and places: what an edit is made of
   robots = new Map(); // by name, in the order of the names
   frame = null; // the latest, without its robots
   frameAtMs = null; // page's clock
@@ -27,8 +28,8 @@ export class Store {
   // The connection has been lost, or is a new one: what was known before is not known any more. Until the
   // first frame comes the robots stay where they were last seen, grey, on the map as it was.
   begin() {
-    const { selected, hello, robots, map, mapCount, frameAtMs } = this;
-    Object.assign(this, new Store(), { selected, hello, map, mapCount, frameAtMs });
+    const { selected, hello, robots, map, places, mapContent, mapCount, frameAtMs } = this;
+    Object.assign(this, new Store(), { selected, hello, map, places, mapContent, mapCount, frameAtMs });
     this.#known = null;
     this.robots = forgotten(robots, frameAtMs);
   }
@@ -78,6 +79,9 @@ export class Store {
       case "places":
         this.places = body;
         this.mapCount += 1;
+        break;
+      case "map_content":
+        this.mapContent = body;
         break;
       case "frame":
         this.#frame(body, nowMs);

@@ -6,14 +6,16 @@ import { plain, point } from "./words.js";
 
 const ENDED = ["done", "failed", "cancelled"];
 const TONES = { running: "good", done: "good", failed: "bad", blocked: "warn", held: "warn", paused: "warn" };
+const PUT_ASIDE = ["paused", "held"]; // they go on when they are resumed
+const AGAIN = ["failed", "cancelled"];
 const ENDED_SHOWN = 30;
 
 // The form as it stands; kept here so that a new picture loses nothing.
-export const form = { kind: "goto", who: "any", priority: 5, loops: 1, dwell_s: 0, for_s: "", error: null, sent: null };
+export const form = { kind: "goto", who: "any", priority: 5, loops: 1, dwell_s: 0, for_s: "", due_min: "", error: null, sent: null };
 
 // What the form means for the points: a TaskSpec, or the reason why it is none.
 export function spec(points) {
-  const { kind, who, priority, loops, dwell_s, for_s } = form;
+  const { kind, who, priority, loops, dwell_s, for_s, due_min } = form;
   const waypoints = points.map(({ x_m, y_m, yaw_rad }) => ({ x_m: round(x_m), y_m: round(y_m), yaw_rad }));
   const least = { goto: 1, route: 1, patrol: 1, wander: 0 }[kind];
   if (waypoints.length < least) return { error: "Click the target on the map." };
@@ -25,7 +27,9 @@ export function spec(points) {
     patrol: () => ({ patrol: { points: waypoints, dwell_s: Number(dwell_s), for_s: seconds } }),
     wander: () => ({ wander: { for_s: seconds } }),
   };
-  return { spec: { kind: kinds[kind](), priority: Number(priority), who: whom(who) } };
+  if (due_min !== "" && !(Number(due_min) > 0)) return { error: "The deadline is a number of minutes from now." };
+  const deadline_ms = due_min === "" ? null : Math.round(Date.now() + Number(due_min) * 60_000);
+  return { spec: { kind: kinds[kind](), priority: Number(priority), deadline_ms, who: whom(who) } };
 }
 
 // The points after another one was picked.
@@ -99,6 +103,7 @@ function formOf(store, act, look, isThere) {
     <label>Robot<select @change=${set("who")}>${option("any", "Any robot", "who")}
       ${robots.map((name) => option(`robot:${name}`, name, "who"))}${tags.map((tag) => option(`tag:${tag}`, `tag ${tag}`, "who"))}</select></label>
     ${field("priority", "Priority (9 = first)", { min: 0, max: 9 })}
+    ${field("due_min", "Deadline, min from now", { min: 1, max: 100_000, step: "any", placeholder: "none" })}
     ${form.kind === "route" ? field("loops", "Loops", { min: 1, max: 1000 }) : nothing}
     ${form.kind === "route" || form.kind === "patrol" ? field("dwell_s", "Wait at each, s", { min: 0, max: 86400, step: "any" }) : nothing}
     ${form.kind === "patrol" || form.kind === "wander" ? field("for_s", "Duration, s", { min: 0, max: 86400, step: "any", placeholder: form.kind === "patrol" ? "until cancelled" : "" }) : nothing}
@@ -126,13 +131,26 @@ function tasks(list, store, act, isThere) {
     <span class="what">${task.id} · ${words(task)}</span>
     <span class="chip ${TONES[task.state] ?? ""}">${plain(task.state)}</span>
     <span class="more">${more(task)}</span>
-    ${store.controls() && isThere && !ENDED.includes(task.state)
-      ? html`<button type="button" title=${store.denied() ?? nothing} ?disabled=${store.denied() !== null} aria-label="Cancel ${task.id}" @click=${() => act.cancel(task.id)}>Cancel</button>`
-      : nothing}</li>`;
+    ${store.controls() && isThere ? buttons(task, store, act) : nothing}</li>`;
   return html`<h2 class="later">Tasks${isThere ? "" : ", last known"} (${open.length} open)</h2>
     <ul class="task-list">${repeat(shown, (task) => task.id, row)}</ul>
     ${list.left_out > 0 ? html`<p class="more">${list.left_out} more are not shown: see <code>fleet-cli tasks --all</code>.</p>` : nothing}
     ${shown.length === 0 ? html`<p class="empty">No tasks yet.</p>` : nothing}`;
+}
+
+// What can be done about a task as it stands.
+function buttons({ id, state }, store, act) {
+  const denied = store.denied();
+  const button = (word, does) => html`<button type="button" title=${denied ?? nothing} ?disabled=${denied !== null}
+    aria-label="${word} ${id}" @click=${() => does(id)}>${word}</button>`;
+  const ended = ENDED.includes(state);
+  const aside = PUT_ASIDE.includes(state);
+  if (state === "done" || state === "cancelling") return nothing;
+  return html`<span class="actions">
+    ${!ended && !aside ? button("Pause", act.pause) : nothing}
+    ${aside ? button("Resume", act.resume) : nothing}
+    ${AGAIN.includes(state) ? button("Retry", act.retry) : nothing}
+    ${ended ? nothing : button("Cancel", act.cancel)}</span>`;
 }
 
 function words({ spec: { kind } }) {
@@ -145,6 +163,14 @@ function words({ spec: { kind } }) {
 
 function more(task) {
   const legs = task.legs === null ? `${task.legs_done} ${task.legs_done === 1 ? "leg" : "legs"}` : `${task.legs_done}/${task.legs}`;
-  const parts = [task.robot, legs, `priority ${task.spec.priority}`, `by ${task.by}`, task.reason];
+  const { who, deadline_ms, priority } = task.spec;
+  const due = deadline_ms ? `due ${new Date(deadline_ms).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" })}` : null;
+  const tag = who.tag ? `tag ${who.tag}` : null;
+  const parts = [task.robot, tag, legs, dwell(task), due, `priority ${priority}`, `by ${task.by}`, task.reason];
   return parts.filter((part) => part).join(" · ");
+}
+
+function dwell({ spec: { kind } }) {
+  const { dwell_s } = Object.values(kind)[0];
+  return dwell_s > 0 ? `waits ${dwell_s} s at each` : null;
 }

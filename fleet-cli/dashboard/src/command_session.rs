@@ -14,9 +14,10 @@ use serde_json::{Value, json};
 use std::sync::Arc;
 use tokio::sync::{mpsc, oneshot, watch};
 use xtb_client::client::Client;
+use xtb_client::map_edit::MapDraft;
 use xtb_client::{Error, ErrorKind, Result, Settings};
 use xtb_protocol::Name;
-use xtb_protocol::messages::RejectCode;
+use xtb_protocol::messages::{DispatchBody, RejectCode};
 
 /// The page does not read its answers, or the server ends.
 pub(super) struct Gone;
@@ -277,7 +278,21 @@ async fn carry_out(client: &Client, known: &[Name], command: Command) -> Result<
         Command::ResetAll {} => execute::reset_all(client).await,
         Command::SpeedLimit { mps } => execute::speed_limit(client, mps).await,
         Command::Submit { spec } => execute::submit(client, *spec).await,
-        Command::Cancel { task } => execute::cancel(client, task).await,
+        Command::SetPose { robot, x_m, y_m, yaw_rad, take } => {
+            execute::set_pose(client, robot, [x_m, y_m, yaw_rad], take).await
+        }
+        Command::Cancel { task } => {
+            execute::change(client, task, |tasks| DispatchBody::Cancel { tasks }).await
+        }
+        Command::Pause { task } => execute::change(client, task, |tasks| DispatchBody::Pause { tasks }).await,
+        Command::Resume { task } => {
+            execute::change(client, task, |tasks| DispatchBody::Resume { tasks }).await
+        }
+        Command::Retry { task } => execute::change(client, task, |tasks| DispatchBody::Retry { tasks }).await,
+        Command::EditMap { base, zones, places, why } => {
+            execute::edit_map(client, MapDraft { base, zones, places }, &why).await
+        }
+        Command::MapHistory {} => execute::map_history(client).await,
         Command::Activate {} => execute::activate(client).await,
         Command::Adopt {} => execute::adopt(client).await,
         Command::Acknowledge { ids } => execute::acknowledge(client, ids).await,

@@ -5,7 +5,7 @@ use serde_json::Value;
 use xtb_client::Error;
 use xtb_identity::Action;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{TaskId, TaskSpec, Via};
+use xtb_protocol::messages::{MapContent, MapPlace, MapZone, TaskId, TaskSpec, Via};
 
 /// A message from the page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -53,6 +53,20 @@ pub(super) enum Command {
         #[serde(default)]
         take: bool,
     },
+    /// Tell a robot that stands where it is.
+    SetPose {
+        /// Whom.
+        robot: Name,
+        /// East.
+        x_m: f64,
+        /// North.
+        y_m: f64,
+        /// Counter-clockwise from +x.
+        yaw_rad: f64,
+        /// Take control from whoever has it.
+        #[serde(default)]
+        take: bool,
+    },
     /// Drop goals and stand.
     Stop {
         /// `None` = all.
@@ -85,6 +99,34 @@ pub(super) enum Command {
         /// Which.
         task: TaskId,
     },
+    /// Put a task aside.
+    Pause {
+        /// Which.
+        task: TaskId,
+    },
+    /// Let a task go on that is paused or held.
+    Resume {
+        /// Which.
+        task: TaskId,
+    },
+    /// Queue a task again that has failed or was cancelled.
+    Retry {
+        /// Which.
+        task: TaskId,
+    },
+    /// Save other zones and places as a new version of the map.
+    EditMap {
+        /// What was edited.
+        base: MapContent,
+        /// All zones.
+        zones: Vec<MapZone>,
+        /// All places.
+        places: Vec<MapPlace>,
+        /// The reason.
+        why: String,
+    },
+    /// Who changed the map, when and why.
+    MapHistory {},
     /// Let the dispatcher assign tasks again after an emergency stop of all robots.
     Activate {},
     /// Take the tasks of other maps over to the fleet's.
@@ -116,6 +158,7 @@ impl Command {
     pub(super) fn name(&self) -> &'static str {
         match self {
             Self::Goto { .. } => "goto",
+            Self::SetPose { .. } => "set_pose",
             Self::Stop { .. } => "stop",
             Self::Estop { .. } => "estop",
             Self::Reset { .. } => "reset",
@@ -123,6 +166,11 @@ impl Command {
             Self::SpeedLimit { .. } => "speed_limit",
             Self::Submit { .. } => "submit",
             Self::Cancel { .. } => "cancel",
+            Self::Pause { .. } => "pause",
+            Self::Resume { .. } => "resume",
+            Self::Retry { .. } => "retry",
+            Self::EditMap { .. } => "edit_map",
+            Self::MapHistory {} => "map_history",
             Self::Activate {} => "activate",
             Self::Adopt {} => "adopt",
             Self::Acknowledge { .. } => "acknowledge",
@@ -136,7 +184,10 @@ impl Command {
     pub(super) fn action(&self) -> Action {
         match self {
             Self::Estop { .. } => Action::EmergencyStop,
+            Self::MapHistory {} => Action::Look,
+            Self::EditMap { .. } => Action::ChangeMap,
             Self::Goto { .. }
+            | Self::SetPose { .. }
             | Self::Stop { .. }
             | Self::Reset { .. }
             | Self::ResetAll {}
@@ -145,6 +196,9 @@ impl Command {
             | Self::TeleopEnd {} => Action::Drive,
             Self::Submit { .. }
             | Self::Cancel { .. }
+            | Self::Pause { .. }
+            | Self::Resume { .. }
+            | Self::Retry { .. }
             | Self::Activate {}
             | Self::Adopt {}
             | Self::Acknowledge { .. } => Action::ChangeTasks,
@@ -155,12 +209,20 @@ impl Command {
     /// Which robot it is for; `None` = all, or it is for the dispatcher.
     pub(super) fn robot(&self) -> Option<&Name> {
         match self {
-            Self::Goto { robot, .. } | Self::Reset { robot } | Self::Teleop { robot, .. } => Some(robot),
+            Self::Goto { robot, .. }
+            | Self::SetPose { robot, .. }
+            | Self::Reset { robot }
+            | Self::Teleop { robot, .. } => Some(robot),
             Self::Stop { robot } | Self::Estop { robot } => robot.as_ref(),
             Self::ResetAll {}
             | Self::SpeedLimit { .. }
             | Self::Submit { .. }
             | Self::Cancel { .. }
+            | Self::Pause { .. }
+            | Self::Resume { .. }
+            | Self::Retry { .. }
+            | Self::EditMap { .. }
+            | Self::MapHistory {}
             | Self::Activate {}
             | Self::Adopt {}
             | Self::Acknowledge { .. }
@@ -232,6 +294,12 @@ mod tests {
             r#"{"do": {"id": 8, "command": {"teleop_end": {}}}}"#,
             r#"{"do": {"id": 9, "command": {"acknowledge": {"ids": [3, 5]}}}}"#,
             r#"{"do": {"id": 10, "command": {"events": {"search": "xtb-1"}}}}"#,
+            r#"{"do": {"id": 9, "command": {"set_pose": {"robot": "xtb-1", "x_m": 1, "y_m": 2, "yaw_rad": 0.5}}}}"#,
+            r#"{"do": {"id": 9, "command": {"retry": {"task": "t17"}}}}"#,
+            r#"{"do": {"id": 9, "command": {"map_history": {}}}}"#,
+            r#"{"do": {"id": 9, "command": {"edit_map": {"base": {"map": "17ac03f87e077be9", "places": "00ac03f87e077be9"}, "why": "a crane",
+               "zones": [{"name": "crane", "kind": "keep_out", "points": [[0, 0], [1, 0], [1, 1]]}],
+               "places": [{"name": "dock-1", "x_m": 1, "y_m": 2}]}}}}"#,
             r#"{"setpoint": {"seq": 1, "seen": 7, "throttle": 0.5, "steering": -1}}"#,
         ] {
             assert!(read(text).is_some(), "{text}");

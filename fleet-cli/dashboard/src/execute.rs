@@ -8,13 +8,15 @@ use xtb_client::control::Control;
 use xtb_client::dispatcher_client::fleet_stop;
 use xtb_client::dispatcher_client::{DispatcherClient, Taken, worst};
 use xtb_client::goal::{GoalRequest, GoalTarget, start};
+use xtb_client::map_edit::{self, MapDraft};
 use xtb_client::multi_robot::{MissingInfo, StopReport, Targets};
 use xtb_client::reset::{self, ResetCandidates, ResetReport};
 use xtb_client::text::reasons;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_client::{estop, params, stop};
+use xtb_control::frames::wrap_rad;
 use xtb_protocol::messages::{
-    AckBody, AckRequest, DispatchBody, HistoryPlace, HistoryReply, HistoryRequest, LinkLoss, ParamValue, TaskId,
+    AckBody, AckRequest, Body, DispatchBody, HistoryPlace, HistoryReply, HistoryRequest, LinkLoss, ParamValue, TaskId,
     TaskSpec, Via,
 };
 use xtb_protocol::{Name, Uuid};
@@ -47,6 +49,36 @@ pub(crate) async fn goto(client: &Client, robot: Name, to: Point, take: bool) ->
     control.release().await;
     started?;
     Ok(json!({ "robot": robot, "goal": goal, "status": "accepted", "taken_from": taken_from }))
+}
+
+/// As `set-pose`: refused while the robot is under way.
+pub(crate) async fn set_pose(
+    client: &Client,
+    robot: Name,
+    [x_m, y_m, yaw_rad]: [f64; 3],
+    take: bool,
+) -> Result<Value> {
+    let control = Control::acquire(client, &robot, take).await?;
+    let set = control.request(Uuid::new_v4(), Body::SetPose { x_m, y_m, yaw_rad: wrap_rad(yaw_rad) }).await;
+    let taken_from = control.taken_from().map(str::to_owned);
+    control.release().await;
+    set?;
+    Ok(json!({ "robot": robot, "status": "set", "taken_from": taken_from }))
+}
+
+/// Saves zones and places as a new version of the map.
+pub(crate) async fn edit_map(client: &Client, draft: MapDraft, why: &str) -> Result<Value> {
+    let map_edit::Saved { version, stored } = map_edit::save(client, draft, why).await?;
+    Ok(json!({ "version": version, "stored": stored }))
+}
+
+/// Who changed the map, when and why.
+pub(crate) async fn map_history(client: &Client) -> Result<Value> {
+    match map_edit::history(client).await? {
+        Some(history) => value(&history),
+        None => Err(Error::new(ErrorKind::Failed, "no map with a history is served")
+            .hint("serve one with `fleet-cli map serve FILE`")),
+    }
 }
 
 /// As `stop`: who has stopped, and who has not said so. `known` are the robots that pages have seen.
@@ -122,9 +154,13 @@ pub(crate) async fn adopt(client: &Client) -> Result<Value> {
     value(&DispatcherClient::of(client).adopt().await?)
 }
 
-/// Cancels a task; the answer comes when its robot has confirmed.
-pub(crate) async fn cancel(client: &Client, task: TaskId) -> Result<Value> {
-    let changes = DispatcherClient::of(client).change(DispatchBody::Cancel { tasks: vec![task] }).await?;
+/// Cancels, pauses, resumes or retries a task; the answer comes when its robot has confirmed.
+pub(crate) async fn change(
+    client: &Client,
+    task: TaskId,
+    body: fn(Vec<TaskId>) -> DispatchBody,
+) -> Result<Value> {
+    let changes = DispatcherClient::of(client).change(body(vec![task])).await?;
     if let Some(error) = worst(&changes.tasks) {
         return Err(error.clone().into());
     }

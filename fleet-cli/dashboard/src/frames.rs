@@ -12,9 +12,10 @@ use xtb_client::text::robot as describe;
 use xtb_control::Mode;
 use xtb_nav::MapPose;
 use xtb_nav::geometry::path::Piece;
+use xtb_nav::map::places_hash;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    About, BatteryLevel, Fault, FleetAlerts, FleetMap, GoalKind, GoalStatus, Latch, MapHash, MapPlace,
+    About, BatteryLevel, Fault, FleetAlerts, FleetMap, GoalKind, GoalStatus, Latch, MapContent, MapHash, MapPlace,
     ObstacleView, RobotState, RouteState, Sensors, StopReason, Suspension, SuspensionCause, TaskId, TaskList,
     TiltState, Track,
 };
@@ -34,6 +35,8 @@ pub(super) enum ToPage {
     Map(Option<Box<FleetMap>>),
     /// Those of the map, when they change.
     Places(Vec<MapPlace>),
+    /// What map and places are, for whoever edits them; after each change of either.
+    MapContent(MapContent),
     /// The robots.
     Frame(Box<Frame>),
     /// When a new list has come.
@@ -199,6 +202,10 @@ impl Known {
         let mut news = Vec::new();
         news.extend(self.map(scene));
         news.extend(self.places(scene));
+        if let Some(map) = scene.map().filter(|_| !news.is_empty()) {
+            let content = MapContent { map: map.hash, places: places_hash(scene.places()) };
+            news.push(ToPage::MapContent(content));
+        }
         news.extend(self.tasks(scene));
         news.extend(self.alerts(scene));
         news.extend(self.happenings(scene));

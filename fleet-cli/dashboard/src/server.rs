@@ -31,7 +31,7 @@ use xtb_protocol::Uuid;
 /// Pages that may be connected at once.
 pub(super) const MOST_SOCKETS: usize = 16;
 /// Longest message from a page, in bytes.
-const MAX_MESSAGE: usize = 16 * 1024;
+const MAX_MESSAGE: usize = 256 * 1024;
 /// Bytes of a message that wait for the network before it is told to take them.
 const WRITE_BUFFER: usize = 64 * 1024;
 /// What the system keeps for a page that does not read, in bytes; else it may be megabytes.

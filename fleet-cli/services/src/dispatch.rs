@@ -25,6 +25,7 @@ use observer::Observer;
 use serde::Serialize;
 use standby_link::StandbyLink;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use store::Store;
 use tokio::sync::{oneshot, watch};
@@ -76,8 +77,8 @@ pub struct Counters {
 /// What a dispatcher is started with beside its ledger.
 #[derive(Debug, Default)]
 pub struct Floor {
-    /// A map that this process serves; `None` = the fleet's, if it has one.
-    pub map: Option<Map>,
+    /// The map that this process serves, and its later versions; `None` = the fleet's, if it has one.
+    pub own: Option<watch::Receiver<Arc<Map>>>,
     /// When robots go to docks and parking places by themselves; `None` = never.
     pub home: Option<HomeRules>,
 }
@@ -126,7 +127,8 @@ impl Standing {
 }
 
 impl DispatchService {
-    /// Starts it on a ledger that is held already; it answers when this returns.
+    /// Starts it on a ledger that is held already; it answers when this returns. `own`: the map, and its later
+    /// versions, if this process serves it.
     ///
     /// # Errors
     /// [`ErrorKind::Failed`]: the fleet has a dispatcher already, the ledger's entries make no sense, it is a copy,
@@ -134,7 +136,7 @@ impl DispatchService {
     pub async fn start(
         client: &Client,
         store: Store,
-        Floor { map, home }: Floor,
+        Floor { own, home }: Floor,
         observer: ObserverSettings,
         within: Duration,
     ) -> Result<Self> {
@@ -154,7 +156,7 @@ impl DispatchService {
         let (told, standing) = watch::channel(none);
         let observer = Observer::open(client, now, &path, observer).await?;
         let ledger = event_loop::Held { ledger: store.ledger, read, link };
-        let work = event_loop::Work::new(client, now, dispatcher, ledger, map, observer, told).await?;
+        let work = event_loop::Work::new(client, now, dispatcher, ledger, own, observer, told).await?;
         let working = tokio::spawn(run(work, stopped, token));
         Ok(Self { working, standing, stop: Some(stop) })
     }
@@ -204,7 +206,7 @@ async fn run(work: event_loop::Work, stopped: oneshot::Receiver<()>, token: Toke
 }
 
 /// The list of tasks as anybody may ask for it.
-pub(super) type List = std::sync::Arc<TaskList>;
+pub(super) type List = Arc<TaskList>;
 
 fn recover(now_ms: u64, path: &Path, entries: Vec<xtb_dispatch::Entry>) -> Result<Dispatcher> {
     let random = Uuid::new_v4().as_u128();

@@ -29,6 +29,7 @@ use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
 use stats::StatsService;
 use std::num::NonZero;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -70,8 +71,8 @@ pub struct Simulator {
     _roster_service: Service,
     /// The robots of the same world that others move.
     _foreign: Option<Subscription>,
-    _map_service: Option<MapService>,
-    /// The one that is served.
+    map_service: Option<MapService>,
+    /// The one that is served, as the world has it.
     map: Option<Map>,
     stats: StatsService,
     bus: Bus,
@@ -83,7 +84,13 @@ pub struct Simulator {
 }
 
 impl Simulator {
-    /// The map that it serves, if it does.
+    /// The map that it serves and its later versions, if it does.
+    #[must_use]
+    pub fn maps(&self) -> Option<watch::Receiver<Arc<Map>>> {
+        self.map_service.as_ref().map(MapService::maps)
+    }
+
+    /// The map that it serves, if it does, as the world has it.
     #[must_use]
     pub fn map(&self) -> Option<&Map> {
         self.map.as_ref()
@@ -171,7 +178,7 @@ impl Simulator {
             _roster_service: roster_service,
             _foreign: foreign,
             map: map_service.is_some().then(|| world_map.ok()).flatten(),
-            _map_service: map_service,
+            map_service,
             stats,
             bus,
             router,

@@ -1,12 +1,14 @@
 //! `map`: the floor that the fleet plans on, one verb a file.
 
 mod check;
+mod history;
 mod import;
 mod picture;
 mod serve;
 mod show;
 
 use crate::commands::map::check::MapCheckArgs;
+use crate::commands::map::history::MapHistoryArgs;
 use crate::commands::map::import::MapImportArgs;
 use crate::commands::map::serve::MapServeArgs;
 use crate::commands::map::show::MapShowArgs;
@@ -37,6 +39,8 @@ pub enum MapVerb {
     Check(MapCheckArgs),
     /// Write a world or a map as map_server files: YAML and PGM.
     Import(MapImportArgs),
+    /// Show who changed a map, when and why.
+    History(MapHistoryArgs),
     /// Publish a map to the fleet until Ctrl-C.
     Serve(MapServeArgs),
 }
@@ -58,6 +62,7 @@ impl MapArgs {
     pub(super) fn needs_session(&self) -> bool {
         match &self.verb {
             MapVerb::Show(args) => args.live,
+            MapVerb::History(args) => args.file.is_none(),
             MapVerb::Check(_) | MapVerb::Import(_) => false,
             MapVerb::Serve(_) => true,
         }
@@ -80,6 +85,7 @@ pub async fn run(ctx: &Context, args: &MapArgs) -> Result<Exit> {
     match &args.verb {
         MapVerb::Show(args) => or_interrupted(show::run(ctx, args)).await,
         MapVerb::Check(args) => check::run(ctx, args),
+        MapVerb::History(args) => or_interrupted(history::run(ctx, args)).await,
         MapVerb::Import(args) => import::run(ctx, args),
         MapVerb::Serve(args) => serve::run(ctx, args).await,
     }

@@ -1,6 +1,4 @@
-//! `place`: named points and areas of the map, one verb a function; the files that have them in `file.rs`.
-
-mod file;
+//! `place`: named points and areas of the map, one verb a function.
 
 use crate::context::Context;
 use crate::exit::Exit;
@@ -14,20 +12,22 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xtb_client::fleet_view::by_number;
 use xtb_client::text::robot as describe;
-use xtb_client::{Client, Error, ErrorKind, Result, map_source};
+use xtb_client::{Client, Error, ErrorKind, Result, map_edit, map_source};
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{MapPlace, PlaceKind, PoseState, Waypoint, place_name};
+use xtb_protocol::messages::{MAX_WHY, MapPlace, PlaceKind, PoseState, Waypoint, place_name};
 use xtb_sim::CHART_RESOLUTION_M;
 
 const PLACE_HELP: &str = "\
-A place can be used wherever a point is taken: `goto xtb-1 dock-2`, `dispatch route dock-1 dock-2`. Places are
-kept in the map's own file; a running `map serve` takes them over by itself.
+A place can be used wherever a point is taken: `goto xtb-1 dock-2`, `dispatch route dock-1 dock-2`. A change goes to
+the program that serves the fleet's map, which writes the map's file and keeps who changed it and why (`fleet-cli map
+history`); with --file it goes into a file, which a running `map serve` takes over by itself.
 
 Examples:
   fleet-cli place list
-  fleet-cli place add dock-2 -4.5 6 --yaw 90 --kind dock --file lab.yaml
-  fleet-cli place here bench xtb-1 --file lab.yaml";
+  fleet-cli place add dock-2 -4.5 6 --yaw 90 --kind dock
+  fleet-cli place here bench xtb-1 --why 'the new bench'
+  fleet-cli place remove bench --file lab.yaml";
 
 /// Arguments of `place`.
 #[derive(Debug, Clone, Args)]
@@ -43,11 +43,11 @@ pub struct PlaceArgs {
 pub enum PlaceVerb {
     /// List the places of the fleet's map, or of a file.
     List(PlaceListArgs),
-    /// Name a point, in the map's file.
+    /// Name a point of the fleet's map, or of a file.
     Add(PlaceAddArgs),
-    /// Name the point where a robot stands, in the map's file.
+    /// Name the point where a robot stands.
     Here(PlaceHereArgs),
-    /// Remove places from the map's file.
+    /// Remove places from the fleet's map, or from a file.
     Remove(PlaceRemoveArgs),
 }
 
@@ -106,9 +106,9 @@ pub struct PlaceRemoveArgs {
     /// Places.
     #[arg(value_name = "NAME", required = true, value_parser = place_name)]
     pub names: Vec<Name>,
-    /// The map's file.
+    /// Where the change goes.
     #[command(flatten)]
-    pub file: FileArgs,
+    pub to: ToArgs,
 }
 
 /// What a new place has besides its point.
@@ -123,17 +123,20 @@ pub struct EntryArgs {
     /// Move a place that is there already.
     #[arg(long)]
     pub replace: bool,
-    /// The map's file.
+    /// Where the change goes.
     #[command(flatten)]
-    pub file: FileArgs,
+    pub to: ToArgs,
 }
 
-/// The file that is changed.
+/// Where a change goes.
 #[derive(Debug, Clone, Args)]
-pub struct FileArgs {
-    /// Map (map_server YAML) or world (TOML) to change.
+pub struct ToArgs {
+    /// Map (map_server YAML) or world (TOML) to change [default: the fleet's map, through its server].
     #[arg(long, value_name = "FILE")]
-    pub file: PathBuf,
+    pub file: Option<PathBuf>,
+    /// Reason, for the map's history [default: what was changed].
+    #[arg(long, value_name = "TEXT", conflicts_with = "file")]
+    pub why: Option<String>,
 }
 
 /// What a place is for.
@@ -165,9 +168,20 @@ impl PlaceArgs {
     pub(super) fn needs_session(&self) -> bool {
         match &self.verb {
             PlaceVerb::List(args) => args.file.is_none(),
-            PlaceVerb::Add(args) => args.at.is_place(),
+            PlaceVerb::Add(args) => args.at.is_place() || args.entry.to.file.is_none(),
             PlaceVerb::Here(_) => true,
-            PlaceVerb::Remove(_) => false,
+            PlaceVerb::Remove(args) => args.to.file.is_none(),
+        }
+    }
+
+    /// Whether it changes the map that is served.
+    pub(super) fn changes_fleets_map(&self) -> bool {
+        match &self.verb {
+            PlaceVerb::List(_) => false,
+            PlaceVerb::Add(PlaceAddArgs { entry, .. }) | PlaceVerb::Here(PlaceHereArgs { entry, .. }) => {
+                entry.to.file.is_none()
+            }
+            PlaceVerb::Remove(args) => args.to.file.is_none(),
         }
     }
 }
@@ -181,9 +195,26 @@ struct Listed<'a> {
 /// What a change prints with `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Changed<'a> {
-    file: &'a Path,
+    /// `None` = the fleet's map.
+    file: Option<&'a Path>,
     added: Option<&'a MapPlace>,
     removed: &'a [Name],
+    /// Of the fleet's map; `None` = a file was changed.
+    version: Option<u64>,
+    /// Whether it is in a file now.
+    stored: bool,
+}
+
+impl Changed<'_> {
+    /// Where the change is.
+    fn place(&self) -> String {
+        let ends = if self.stored { "" } else { "; it ends with the map's server" };
+        match (self.file, self.version) {
+            (Some(file), _) => file.display().to_string(),
+            (None, Some(version)) => format!("version {version} of the map{ends}"),
+            (None, None) => "the map".to_owned(),
+        }
+    }
 }
 
 /// What its verbs print with `--json`.
@@ -203,13 +234,15 @@ pub async fn run(ctx: &Context, args: &PlaceArgs) -> Result<Exit> {
         PlaceVerb::List(args) => list(ctx, args).await,
         PlaceVerb::Add(args) => {
             let Waypoint { x_m, y_m, yaw_rad } = args.at.resolve(ctx).await?;
-            add(ctx, &args.entry, &args.name, x_m, y_m, args.yaw.map(f64::to_radians).or(yaw_rad))
+            let yaw_rad = args.yaw.map(f64::to_radians).or(yaw_rad);
+            add(ctx, &args.entry, &args.name, Waypoint { x_m, y_m, yaw_rad }).await
         }
         PlaceVerb::Here(args) => {
             let PoseState { x_m, y_m, yaw_rad, .. } = pose(ctx, &args.robot).await?;
-            add(ctx, &args.entry, &args.name, x_m, y_m, (!args.any_yaw).then_some(yaw_rad))
+            let yaw_rad = (!args.any_yaw).then_some(yaw_rad);
+            add(ctx, &args.entry, &args.name, Waypoint { x_m, y_m, yaw_rad }).await
         }
-        PlaceVerb::Remove(args) => remove(ctx, args),
+        PlaceVerb::Remove(args) => remove(ctx, args).await,
     }
 }
 
@@ -262,66 +295,96 @@ async fn pose(ctx: &Context, robot: &Name) -> Result<PoseState> {
     })
 }
 
-fn add(
-    ctx: &Context,
-    entry: &EntryArgs,
-    name: &Name,
-    x_m: f64,
-    y_m: f64,
-    yaw_rad: Option<f64>,
-) -> Result<Exit> {
+async fn add(ctx: &Context, entry: &EntryArgs, name: &Name, at: Waypoint) -> Result<Exit> {
     // Millimetres and tenths of a degree are finer than anything drives.
     let rounded = |value: f64, per: f64| (value * per).round() / per;
     let place = MapPlace {
         name: name.clone(),
         kind: entry.kind.into(),
-        x_m: rounded(x_m, 1e3),
-        y_m: rounded(y_m, 1e3),
-        yaw_rad: yaw_rad.map(|yaw_rad| rounded(yaw_rad, 1e4)),
+        x_m: rounded(at.x_m, 1e3),
+        y_m: rounded(at.y_m, 1e3),
+        yaw_rad: at.yaw_rad.map(|yaw_rad| rounded(yaw_rad, 1e4)),
         tags: entry.tags.clone(),
         points: Vec::new(),
     };
-    let file = &entry.file.file;
-    let mut places = map_file::read(file, CHART_RESOLUTION_M)?.places().to_vec();
-    match places.iter_mut().find(|known| known.name == place.name) {
-        Some(known) if entry.replace => *known = place.clone(),
-        Some(known) => {
-            let at = describe::map_point(known.x_m, known.y_m);
-            return Err(Error::new(
-                ErrorKind::Failed,
-                format!("{} has a place {name} at {at}", file.display()),
-            )
-            .hint("--replace moves it"));
-        }
-        None => places.push(place.clone()),
-    }
-    file::write(file, &places)?;
+    let put =
+        |places: &mut Vec<MapPlace>, map: &str| match places.iter_mut().find(|known| known.name == *name) {
+            Some(known) if entry.replace => {
+                *known = place.clone();
+                Ok(())
+            }
+            Some(known) => {
+                let at = describe::map_point(known.x_m, known.y_m);
+                Err(Error::new(ErrorKind::Failed, format!("{map} has a place {name} at {at}"))
+                    .hint("--replace moves it"))
+            }
+            None => {
+                places.push(place.clone());
+                Ok(())
+            }
+        };
+    let changed = change(ctx, &entry.to, &format!("place {name}"), put).await?;
     let pose = MapPose { x_m: place.x_m, y_m: place.y_m, yaw_rad: place.yaw_rad.unwrap_or(0.0) };
-    ctx.out.result(&Changed { file, added: Some(&place), removed: &[] }, |changed| {
+    ctx.out.result(&Changed { added: Some(&place), ..changed }, |changed| {
         let point = match place.yaw_rad {
             Some(_) => describe::map_pose(&pose),
             None => describe::map_point(pose.x_m, pose.y_m),
         };
-        format!("{name} is {point} in {}", changed.file.display())
+        format!("{name} is {point} in {}", changed.place())
     })?;
     Ok(Exit::Done)
 }
 
-fn remove(ctx: &Context, args: &PlaceRemoveArgs) -> Result<Exit> {
-    let file = &args.file.file;
-    let mut places = map_file::read(file, CHART_RESOLUTION_M)?.places().to_vec();
-    for name in &args.names {
-        let before = places.len();
-        places.retain(|place| place.name != *name);
-        if places.len() == before {
-            return Err(Error::new(ErrorKind::Failed, format!("{} has no place {name}", file.display()))
-                .hint("nothing was removed; `fleet-cli place list --file FILE` shows what there is"));
+async fn remove(ctx: &Context, args: &PlaceRemoveArgs) -> Result<Exit> {
+    let take = |places: &mut Vec<MapPlace>, map: &str| {
+        for name in &args.names {
+            let before = places.len();
+            places.retain(|place| place.name != *name);
+            if places.len() == before {
+                return Err(Error::new(ErrorKind::Failed, format!("{map} has no place {name}")).hint(
+                    "nothing was removed; `fleet-cli place list` shows what there is, of a file with --file",
+                ));
+            }
         }
-    }
-    file::write(file, &places)?;
-    ctx.out.result(&Changed { file, added: None, removed: &args.names }, |changed| {
-        let names: Vec<_> = changed.removed.iter().map(Name::as_str).collect();
-        format!("removed {} from {}", names.join(", "), changed.file.display())
+        Ok(())
+    };
+    let names = args.names.iter().map(Name::as_str).collect::<Vec<_>>().join(", ");
+    let changed = change(ctx, &args.to, &format!("without {names}"), take).await?;
+    ctx.out.result(&Changed { removed: &args.names, ..changed }, |changed| {
+        format!("removed {names} from {}", changed.place())
     })?;
     Ok(Exit::Done)
+}
+
+/// Changes the places of a file, or, through the map server, of the fleet's map; `what` is the reason if none is given.
+async fn change<'a>(
+    ctx: &Context,
+    to: &'a ToArgs,
+    what: &str,
+    make: impl FnOnce(&mut Vec<MapPlace>, &str) -> Result<()>,
+) -> Result<Changed<'a>> {
+    if let Some(file) = &to.file {
+        let mut places = map_file::read(file, CHART_RESOLUTION_M)?.places().to_vec();
+        make(&mut places, &file.display().to_string())?;
+        map_file::write(file, None, &places)?;
+        return Ok(Changed {
+            file: Some(file.as_path()),
+            added: None,
+            removed: &[],
+            version: None,
+            stored: true,
+        });
+    }
+    let client = Client::open(&ctx.settings).await?;
+    let changing = async {
+        let mut draft = map_edit::draft(&client).await?;
+        make(&mut draft.places, "the fleet's map")?;
+        // So many names may be longer than a reason.
+        let what: String = what.chars().take(MAX_WHY).collect();
+        map_edit::save(&client, draft, to.why.as_deref().unwrap_or(&what)).await
+    };
+    let saved = changing.await;
+    client.close().await;
+    let map_edit::Saved { version, stored } = saved?;
+    Ok(Changed { file: None, added: None, removed: &[], version: Some(version.number), stored })
 }

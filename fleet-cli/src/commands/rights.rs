@@ -32,10 +32,12 @@ pub fn needed(verb: &Verb) -> Option<Action> {
         Verb::Map(args) => match &args.verb {
             MapVerb::Serve(_) => Some(Action::ServeMap),
             MapVerb::Show(args) => args.live.then_some(Action::Look),
+            MapVerb::History(args) => args.file.is_none().then_some(Action::Look),
             MapVerb::Check(_) | MapVerb::Import(_) => None,
         },
         Verb::Alerts(AlertsArgs { verb: Some(AlertsVerb::Ack(_)), .. }) => Some(Action::ChangeTasks),
         Verb::Alerts(_) | Verb::Events(_) | Verb::Report(_) => Some(Action::Look),
+        Verb::Place(args) if args.changes_fleets_map() => Some(Action::ChangeMap),
         Verb::Place(args) => args.needs_session().then_some(Action::Look),
         Verb::Traffic(args) => Some(match &args.verb {
             TrafficVerb::Serve(_) => Action::ServeTraffic,

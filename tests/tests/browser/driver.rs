@@ -142,11 +142,11 @@ impl Browser {
         .await;
     }
 
-    /// What a script of the page's says; `store`, `view`, `aim` and `pace` are the page's own.
+    /// What a script of the page's says; `store`, `view`, `aim`, `editor` and `pace` are the page's own.
     pub(crate) async fn ask(&self, script: &str) -> Value {
         let script = format!(
             "const tell = arguments[arguments.length - 1];
-             import('/assets/main.js').then(({{store, view, aim, pace}}) => tell((() => {{ {script} }})()), () => tell(null));"
+             import('/assets/main.js').then(({{store, view, aim, editor, pace}}) => tell((() => {{ {script} }})()), () => tell(null));"
         );
         self.page.execute_async(&script, Vec::new()).await.unwrap()
     }
@@ -175,6 +175,32 @@ impl Browser {
             .then(PointerAction::Down { button })
             .then(PointerAction::Up { button });
         self.page.perform_actions(click).await.unwrap();
+    }
+
+    /// Presses at one point and lets go at another.
+    pub(crate) async fn drag(&self, from: (f64, f64), to: (f64, f64)) {
+        let button = fantoccini::actions::MOUSE_BUTTON_LEFT;
+        let at = |(x, y): (f64, f64)| PointerAction::MoveTo { duration: None, x: x.round(), y: y.round() };
+        let middle = ((from.0 + to.0) / 2.0, (from.1 + to.1) / 2.0);
+        let drag = MouseActions::new("mouse".into())
+            .then(at(from))
+            .then(PointerAction::Down { button })
+            .then(at(middle))
+            .then(at(to))
+            .then(PointerAction::Up { button });
+        self.page.perform_actions(drag).await.unwrap();
+    }
+
+    /// Puts a text into a field, as if typed and left.
+    pub(crate) async fn fill(&self, css: &str, text: &str) {
+        let script = format!(
+            "const field = document.querySelector({css:?});
+             if (!field) return false;
+             field.value = {text:?};
+             for (const kind of ['input', 'change']) field.dispatchEvent(new Event(kind, {{bubbles: true}}));
+             return true;"
+        );
+        self.until(&format!("a field {css}"), &script).await;
     }
 
     /// Clicks what a CSS selector names, once it is there and nothing lies over it.

@@ -11,6 +11,8 @@ mod driving;
 mod foreign;
 mod hand;
 mod playing;
+mod map;
+mod pose;
 mod signing_in;
 mod tasks;
 

@@ -1,6 +1,6 @@
 //! `fleet-cli` from outside, against a simulator in a process of its own.
 
-use fleet_tests::processes::{Process, program};
+use fleet_tests::processes::{Process, RouterProcess, program};
 use fleet_tests::{PATIENCE, eventually, name};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -283,4 +283,59 @@ fn a_router_connects_to_those_of_the_flag_and_not_to_those_of_the_environment() 
     let notes = BufReader::new(second.0.stderr.take().unwrap());
     std::thread::spawn(move || notes.lines().map_while(Result::ok).try_for_each(|note| say.send(note)));
     assert_eq!(said.recv_timeout(PATIENCE).unwrap(), "linked to 1 other router");
+}
+
+/// `map serve` of a file, at a router without a simulator: what is changed is in the file, and who did so beside it.
+#[test]
+fn a_change_of_the_served_map_is_in_its_file_and_in_its_history() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hall.toml");
+    let path = file.to_str().unwrap();
+    let zone = "[[zones]]\nname = \"crane\"\nkind = \"keep_out\"\npoints = [[0, 0], [1, 0], [1, 1]]\n";
+    std::fs::write(&file, format!("# the hall\n[room]\nwidth_m = 6.0\ndepth_m = 6.0\n{zone}")).unwrap();
+    let router = RouterProcess::start(None);
+    let run = |arguments: &[&str]| {
+        let output = fleet_cli(&["--connect", router.endpoint()]).args(arguments).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        (
+            output.status.code().unwrap(),
+            serde_json::from_str::<Value>(&text).unwrap_or_else(|_| panic!("{output:?}")),
+        )
+    };
+    let (code, refused) = run(&["place", "add", "dock", "1", "2"]);
+    assert_eq!((code, &refused["error"]["code"]), (2, &"config".into()), "{refused}");
+    let serve = || {
+        let mut command = fleet_cli(&["--connect", router.endpoint(), "map", "serve", path]);
+        Process::start_ready(&mut command).0
+    };
+    let serving = serve();
+    let (code, added) = run(&["place", "add", "dock", "1", "2", "--why", "we charge there"]);
+    assert_eq!((code, &added["version"], &added["stored"]), (0, &2.into(), &true.into()), "{added}");
+    let text = std::fs::read_to_string(&file).unwrap();
+    assert!(text.starts_with("# the hall\n") && text.contains(zone) && text.contains("\"dock\""), "{text}");
+
+    // By hand: other zones are served too.
+    let without = text.replace(zone, "");
+    std::fs::write(&file, &without).unwrap();
+    let began = Instant::now();
+    while run(&["map", "history"]).1["versions"].as_array().is_none_or(|all| all.len() < 3) {
+        assert!(began.elapsed() < PATIENCE, "the file's own change is not served");
+    }
+    assert_eq!(run(&["map", "show", "--live"]).1["zones"], Value::Array(Vec::new()));
+    let (code, twice) = run(&["place", "add", "dock", "1", "2"]);
+    assert_eq!((code, &twice["error"]["code"]), (1, &"failed".into()), "{twice}");
+    drop(serving);
+
+    // Who serves it next goes on with the history.
+    let serving = serve();
+    let (code, removed) = run(&["place", "remove", "dock"]);
+    assert_eq!((code, &removed["version"]), (0, &4.into()), "{removed}");
+    let told = |history: &Value| {
+        let all = history["versions"].as_array().unwrap().iter();
+        all.map(|version| version["why"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let whys = ["as found", "we charge there", "changed in the file", "without dock"];
+    assert_eq!(told(&run(&["map", "history"]).1), whys);
+    drop(serving);
+    assert_eq!(told(&run(&["map", "history", path]).1), whys);
 }

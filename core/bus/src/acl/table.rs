@@ -41,7 +41,7 @@ pub(super) enum Party {
     Look,
     /// Who may call an emergency stop, under the own name.
     Stop,
-    /// Who may drive, change tasks and fetch recordings, under the own name.
+    /// Who may drive, change tasks and the map, and fetch recordings, under the own name.
     Drive,
     /// The dispatcher and its stand-by.
     Dispatcher,
@@ -106,6 +106,8 @@ pub(super) fn rows(kind: Kind) -> &'static [Row] {
             &[Row(Put, &[P::Map], &[P::Look, P::Robot]), Row(Ask, &[P::Look, P::Robot, P::Map], &[P::Map])]
         }
         Kind::Places => &[Row(Put, &[P::Map], &[P::Look]), Row(Ask, &[P::Look], &[P::Map])],
+        Kind::MapHistory => &[Row(Ask, &[P::Look], &[P::Map])],
+        Kind::MapEdit => &[Row(Ask, &[P::Drive], &[P::Map])],
         Kind::DispatchAlive => &[Row(Alive, &[P::Dispatcher], &[P::Look])],
         Kind::DispatchTasks | Kind::DispatchAlerts => {
             &[Row(Put, &[P::Dispatcher], &[P::Look]), Row(Ask, &[P::Look], &[P::Dispatcher])]

@@ -1,6 +1,7 @@
 //! The places of a map, checked: what the message's own limits cannot say.
 
-use super::{MapError, polygon};
+use super::{MapError, canonical, polygon};
+use crc::{CRC_64_XZ, Crc};
 use xtb_protocol::messages::{FleetPlaces, MapHash, MapPlace, Message};
 
 /// Whether these can be the places of one map.
@@ -11,6 +12,27 @@ pub fn check_places(places: &[MapPlace]) -> Result<(), MapError> {
     let message = FleetPlaces { map: MapHash::new(0), places: places.to_vec() };
     message.validate().map_err(|error| MapError::Places(error.to_string()))?;
     places.iter().filter(|place| !place.points.is_empty()).try_for_each(check_area)
+}
+
+/// A hash of places, in their order: whoever edits them says by it what it has seen.
+#[must_use]
+pub fn places_hash(places: &[MapPlace]) -> MapHash {
+    const CRC: Crc<u64> = Crc::<u64>::new(&CRC_64_XZ);
+    let mut digest = CRC.digest();
+    let mut feed = |bytes: &[u8]| {
+        digest.update(&(bytes.len() as u64).to_le_bytes());
+        digest.update(bytes);
+    };
+    feed(b"xtb places 1");
+    for place in places {
+        feed(place.name.as_str().as_bytes());
+        feed(place.kind.as_str().as_bytes());
+        place.tags.iter().for_each(|tag| feed(tag.as_str().as_bytes()));
+        let yaw = place.yaw_rad.map_or([1; 8], canonical);
+        let numbers = [place.x_m, place.y_m].into_iter().chain(place.points.iter().flatten().copied());
+        feed(&numbers.flat_map(canonical).chain(yaw).collect::<Vec<u8>>());
+    }
+    MapHash::new(digest.finalize())
 }
 
 fn check_area(place: &MapPlace) -> Result<(), MapError> {

@@ -7,10 +7,10 @@
 //! Nothing here opens a file: [`Description::image`] names the image, and whoever may open files hands
 //! its bytes to [`Description::map`].
 
+mod contents;
 mod image;
-mod places;
 
-pub use places::with_places;
+pub use contents::{with_places, with_zones};
 
 use super::{Map, MapError, Zone};
 use crate::geometry::grid::GridError;
@@ -194,6 +194,18 @@ impl Description {
         self.thresholds.free
     }
 
+    /// Its zones.
+    #[must_use]
+    pub fn zones(&self) -> &[Zone] {
+        &self.zones
+    }
+
+    /// Its places.
+    #[must_use]
+    pub fn places(&self) -> &[MapPlace] {
+        &self.places
+    }
+
     /// The map, from the bytes of the image: PNG, or PGM and its relatives. `name` is for a YAML that
     /// has none, such as every one that ROS wrote.
     ///
@@ -245,6 +257,16 @@ struct WrittenPlace<'a> {
     points: Option<FlowSeq<&'a [[f64; 2]]>>,
 }
 
+impl<'a> From<&'a Zone> for WrittenZone<'a> {
+    fn from(zone: &'a Zone) -> Self {
+        let (kind, heading_rad) = match zone.kind() {
+            super::ZoneKind::KeepOut => ("keep_out", None),
+            super::ZoneKind::OneWay { heading_rad } => ("one_way", Some(heading_rad)),
+        };
+        Self { name: zone.name(), kind, heading_rad, points: FlowSeq(zone.points()) }
+    }
+}
+
 impl<'a> From<&'a MapPlace> for WrittenPlace<'a> {
     fn from(place: &'a MapPlace) -> Self {
         Self {
@@ -276,13 +298,6 @@ impl Files {
     /// [`RosError::Yaml`] or [`RosError::Image`], if the libraries that write them refuse.
     pub fn of(map: &Map, image: &str) -> Result<Self, RosError> {
         let [x_m, y_m] = map.grid().origin_m();
-        let zones = map.zones().iter().map(|zone| {
-            let (kind, heading_rad) = match zone.kind() {
-                super::ZoneKind::KeepOut => ("keep_out", None),
-                super::ZoneKind::OneWay { heading_rad } => ("one_way", Some(heading_rad)),
-            };
-            WrittenZone { name: zone.name(), kind, heading_rad, points: FlowSeq(zone.points()) }
-        });
         let written = Written {
             image,
             mode: "trinary",
@@ -292,7 +307,7 @@ impl Files {
             occupied_thresh: OCCUPIED_THRESH,
             free_thresh: FREE_THRESH,
             name: map.name(),
-            zones: zones.collect(),
+            zones: map.zones().iter().map(WrittenZone::from).collect(),
             places: map.places().iter().map(WrittenPlace::from).collect(),
         };
         let yaml = serde_saphyr::to_string(&written).map_err(|error| RosError::Yaml(error.to_string()))?;

@@ -28,19 +28,36 @@ pub enum WireError {
     },
 }
 
-impl From<&Map> for FleetMap {
-    fn from(map: &Map) -> Self {
-        let grid = map.grid();
-        // Sides of a grid are far below this.
-        let side = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
-        let zone = |zone: &Zone| MapZone {
+impl From<&Zone> for MapZone {
+    fn from(zone: &Zone) -> Self {
+        Self {
             name: zone.name().to_owned(),
             kind: match zone.kind() {
                 ZoneKind::KeepOut => MapZoneKind::KeepOut,
                 ZoneKind::OneWay { heading_rad } => MapZoneKind::OneWay { heading_rad },
             },
             points: zone.points().to_vec(),
+        }
+    }
+}
+
+impl TryFrom<&MapZone> for Zone {
+    type Error = ZoneError;
+
+    fn try_from(zone: &MapZone) -> Result<Self, ZoneError> {
+        let kind = match zone.kind {
+            MapZoneKind::KeepOut => ZoneKind::KeepOut,
+            MapZoneKind::OneWay { heading_rad } => ZoneKind::OneWay { heading_rad },
         };
+        Self::new(&zone.name, kind, zone.points.clone())
+    }
+}
+
+impl From<&Map> for FleetMap {
+    fn from(map: &Map) -> Self {
+        let grid = map.grid();
+        // Sides of a grid are far below this.
+        let side = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
         Self {
             name: map.name().to_owned(),
             hash: map.hash(),
@@ -49,7 +66,7 @@ impl From<&Map> for FleetMap {
             width: side(grid.width()),
             height: side(grid.height()),
             cells: runs(grid.cells()),
-            zones: map.zones().iter().map(zone).collect(),
+            zones: map.zones().iter().map(MapZone::from).collect(),
         }
     }
 }
@@ -79,14 +96,7 @@ impl TryFrom<&FleetMap> for Map {
             cells.extend(std::iter::repeat_n(cell, *length as usize));
         }
         let grid = Grid::new(message.resolution_m, message.origin_m, width, height, cells)?;
-        let zone = |zone: &MapZone| {
-            let kind = match zone.kind {
-                MapZoneKind::KeepOut => ZoneKind::KeepOut,
-                MapZoneKind::OneWay { heading_rad } => ZoneKind::OneWay { heading_rad },
-            };
-            Zone::new(&zone.name, kind, zone.points.clone())
-        };
-        let zones = message.zones.iter().map(zone).collect::<Result<_, ZoneError>>()?;
+        let zones = message.zones.iter().map(Zone::try_from).collect::<Result<_, ZoneError>>()?;
         let map = Map::new(&message.name, grid, zones)?;
         let found = map.hash();
         if found == message.hash { Ok(map) } else { Err(WireError::Hash { said: message.hash, found }) }

@@ -163,7 +163,7 @@ impl Message for FleetMap {
 }
 
 impl MapZone {
-    fn validate(&self) -> Result<(), CodecError> {
+    pub(super) fn validate(&self) -> Result<(), CodecError> {
         name(&self.name)?;
         if let MapZoneKind::OneWay { heading_rad } = self.kind {
             angle("heading_rad", heading_rad)?;

@@ -17,6 +17,7 @@ mod identity;
 mod latch;
 mod log;
 mod map;
+mod map_edit;
 mod nav;
 mod near;
 mod param;
@@ -58,6 +59,9 @@ pub use log::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS, MA
 pub use map::{
     FleetMap, MAX_MAP_CELLS, MAX_MAP_NAME, MAX_ZONE_POINTS, MAX_ZONES, MapCell, MapHash, MapZone,
     MapZoneKind, NoMapHash, is_map_name,
+};
+pub use map_edit::{
+    MAX_MAP_VERSIONS, MAX_WHY, MapContent, MapEdit, MapEditCode, MapEditReply, MapHistory, MapVersion, is_why,
 };
 pub use nav::{
     Arc, Fix, FixSource, MapState, NavPhase, NavState, Route, RouteGoal, RouteSource, RouteState, Track,

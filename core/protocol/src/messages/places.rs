@@ -122,15 +122,20 @@ impl Message for FleetPlaces {
     const MAX_BYTES: usize = 2 * 1024 * 1024;
 
     fn validate(&self) -> Result<(), CodecError> {
-        bounded("places", self.places.len() as f64, 0.0, MAX_PLACES as f64, "")?;
-        for (i, place) in self.places.iter().enumerate() {
-            place.validate()?;
-            if self.places[..i].iter().any(|other| other.name == place.name) {
-                return Err(malformed(format!("two places have the name {}", place.name)));
-            }
-        }
-        Ok(())
+        validate_places(&self.places)
     }
+}
+
+/// Whether these can be the places of a message.
+pub(super) fn validate_places(places: &[MapPlace]) -> Result<(), CodecError> {
+    bounded("places", places.len() as f64, 0.0, MAX_PLACES as f64, "")?;
+    for (i, place) in places.iter().enumerate() {
+        place.validate()?;
+        if places[..i].iter().any(|other| other.name == place.name) {
+            return Err(malformed(format!("two places have the name {}", place.name)));
+        }
+    }
+    Ok(())
 }
 
 impl MapPlace {

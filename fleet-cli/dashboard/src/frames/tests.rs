@@ -73,12 +73,12 @@ fn map_tasks_and_happenings_come_once_and_when_they_change() {
     };
     put(&mut scene, 0, &keys().dispatch_tasks(), list.clone());
     put(&mut scene, 0, &keys().dispatch_alive(), AnyMessage::Alive(true));
-    assert_eq!(kinds(&mut known, &scene), ["map", "tasks", "happenings", "frame"]);
+    assert_eq!(kinds(&mut known, &scene), ["map", "map_content", "tasks", "happenings", "frame"]);
     put(&mut scene, 9, &keys().map(), map(1));
     assert_eq!(kinds(&mut known, &scene), ["frame"], "the same map again");
     put(&mut scene, 9, &keys().map(), map(2));
     put(&mut scene, 9, &keys().dispatch_tasks(), list);
-    assert_eq!(kinds(&mut known, &scene), ["map", "tasks", "frame"]);
+    assert_eq!(kinds(&mut known, &scene), ["map", "map_content", "tasks", "frame"]);
 }
 
 #[test]

@@ -30,7 +30,7 @@ _WITHOUT = "identity=None with XTB_IDENTITY= (empty), or identity='none', goes w
 _ALLOWS = {
     "robot": "may be driven, under its own name",
     "viewer": "may look and call an emergency stop",
-    "operator": "may look, drive, change tasks, fetch recordings and call an emergency stop",
+    "operator": "may look, drive, change tasks and the map, fetch recordings and call an emergency stop",
     "dashboard": "may serve the page, and do for its users what an operator may",
     "dispatcher": "may look, run a dispatcher and drive robots for its tasks",
     "traffic": "may look and run traffic control",

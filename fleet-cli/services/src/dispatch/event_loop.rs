@@ -1,7 +1,7 @@
 //! The loop: what has come in goes to the dispatcher, what it wants is done.
 
 use super::flying::{Flying, Unacknowledged, Written, durable};
-use super::map_watch::{self, Found, Ground, MapWatch, ground};
+use super::map_watch::{self, Found, Ground, MapWatch, OwnMap, ground};
 use super::observer::Observer;
 use super::request_queue::{Asked, Input, RequestQueue};
 use super::robot_client::{Fleet, News};
@@ -20,7 +20,7 @@ use xtb_client::state_feed::{MOST_ROBOTS, StateFeed};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::home::levels_of;
 use xtb_dispatch::{Dispatcher, Effect, Entry, Record, Write};
-use xtb_nav::{Car, Map};
+use xtb_nav::Car;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, Key};
 
@@ -91,7 +91,7 @@ impl Work {
         clock: Clock,
         mut dispatcher: Dispatcher,
         Held { ledger, read, link }: Held,
-        map: Option<Map>,
+        own: Option<OwnMap>,
         observer: Observer,
         told: watch::Sender<Standing>,
     ) -> Result<Self> {
@@ -99,7 +99,7 @@ impl Work {
         let feed = StateFeed::open(client, &client.keys().any_robot()).await?;
         // Before any task can be given to anybody.
         let (stops, _stops) = hear_stops(client).await?;
-        let found = map_watch::first_look(client, map).await;
+        let found = map_watch::first_look(client, own).await;
         if let Some(roster) = &found.roster {
             dispatcher.roster(clock.ms(), roster);
         }

@@ -2,8 +2,9 @@
 //! control, which it runs unless somebody else does.
 
 use crate::traffic::TrafficService;
+use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_client::client::Client;
@@ -18,6 +19,9 @@ const LOOK_EVERY: Duration = Duration::from_secs(2);
 const ROSTER_GONE: u32 = 5;
 /// What is not known this long after the start is learned while tasks are taken already.
 const FIRST_LOOK: Duration = Duration::from_millis(400);
+
+/// The map that this process serves, and each later version of it.
+pub(super) type OwnMap = watch::Receiver<Arc<Map>>;
 
 /// What ways cost.
 pub(super) type Ground = Box<dyn TravelCost + Send + Sync>;
@@ -38,31 +42,31 @@ pub(super) struct Found {
     pub(super) places: Option<Vec<MapPlace>>,
     /// The same, measured; `None` = not yet.
     pub(super) ground: Option<Ground>,
-    /// It is the one that this process serves.
-    pub(super) own_map: bool,
+    /// Where it comes from if this process serves it.
+    pub(super) own: Option<OwnMap>,
     /// Another dispatcher answers too.
     pub(super) second: bool,
 }
 
 /// Looks once, in vain at most for [`FIRST_LOOK`]. A map that is known beforehand is ours to serve.
-pub(super) async fn first_look(client: &Client, own: Option<Map>) -> Found {
-    let own_map = own.is_some();
+pub(super) async fn first_look(client: &Client, own: Option<OwnMap>) -> Found {
+    let known = own.as_ref().map(|own| own.borrow().as_ref().clone());
     let map = async {
-        match own.clone() {
+        match known.clone() {
             Some(own) => Some(own),
             None => served(client, FIRST_LOOK).await,
         }
     };
     let places = async {
         match &own {
-            Some(own) => Some(own.places().to_vec()),
+            Some(own) => Some(own.borrow().places().to_vec()),
             None => places(client, FIRST_LOOK).await,
         }
     };
     let all = async { tokio::join!(roster(client), map, places) };
     match tokio::time::timeout(FIRST_LOOK, all).await {
-        Ok((roster, map, places)) => Found { roster, map, places, own_map, ..Found::default() },
-        Err(_) => Found { map: own, own_map, ..Found::default() },
+        Ok((roster, map, places)) => Found { roster, map, places, own, ..Found::default() },
+        Err(_) => Found { map: known, own, ..Found::default() },
     }
 }
 
@@ -86,7 +90,7 @@ impl Drop for MapWatch {
 }
 
 async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender<Found>) {
-    let Found { roster: mut known, mut map, mut places, own_map, .. } = found;
+    let Found { roster: mut known, mut map, mut places, mut own, .. } = found;
     if has_second(&client, within).await
         && news.send(Found { second: true, ..Found::default() }).await.is_err()
     {
@@ -110,11 +114,11 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
             // The simulator that had it has ended.
             (known, found.roster) = (None, Some(Roster { robots: Vec::new() }));
         }
-        found.map = match &map {
-            None => served(&client, within).await,
+        found.map = match (&map, &mut own) {
             // Whoever serves a map knows which one it is.
-            Some(_) if own_map => None,
-            Some(map) => maps.as_ref().and_then(|maps| another(map, maps)),
+            (map, Some(own)) => newer(map.as_ref(), own),
+            (None, None) => served(&client, within).await,
+            (Some(map), None) => maps.as_ref().and_then(|maps| another(map, maps)),
         };
         if let Some(new) = found.map.clone() {
             map.clone_from(&found.map);
@@ -145,6 +149,13 @@ async fn look(client: Client, found: Found, within: Duration, news: mpsc::Sender
             Err(_) => {}
         }
     }
+}
+
+/// The map that this process serves, if it has other zones now.
+fn newer(map: Option<&Map>, own: &mut OwnMap) -> Option<Map> {
+    let newest = own.borrow_and_update();
+    let same = map.is_some_and(|map| map.hash() == newest.hash());
+    (!same).then(|| newest.as_ref().clone())
 }
 
 /// The map that was published last, if it is not this one.

@@ -111,7 +111,7 @@ pub(super) const JSON: &[LineKind] =
 pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit> {
     let path = store::path(args.ledger.ledger.as_deref(), &ctx.settings.fleet)?;
     let observer = config::observer(&ctx.observer.0, ctx.observer.1)?;
-    let load = |file| map_file::load(&ctx.out, file, args.fine.resolution_m);
+    let load = |file| map_file::to_serve(&ctx.out, file, args.fine.resolution_m);
     let own = args.map.as_deref().map(load).transpose()?;
     // Before anybody can ask: what is acknowledged has to go there.
     let store = match args.fresh {
@@ -132,13 +132,15 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
         return Ok(Exit::Done);
     };
     let starting = async {
-        let maps = match &own {
-            Some(map) => {
-                Some(MapService::start(client.bus(), client.keys(), map, ctx.settings.timeout).await?)
+        let maps = match own {
+            Some((map, kept)) => {
+                let (bus, keys, kept) = (client.bus(), client.keys(), Some(kept));
+                Some(MapService::start_kept(bus, keys, &map, kept, ctx.settings.timeout).await?)
             }
             None => None,
         };
-        let floor = Floor { map: own, home: ctx.home_rules(args.home) };
+        let own = maps.as_ref().map(MapService::maps);
+        let floor = Floor { own, home: ctx.home_rules(args.home) };
         let service = DispatchService::start(&client, store, floor, observer, ctx.settings.timeout).await?;
         Ok::<_, Error>((maps, service))
     };
@@ -172,6 +174,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
     tokio::select! {
         failure = service.ended() => return Err(failure),
         failure = client.refused() => return Err(failure),
+        () = map_file::follow_if_any(args.map.as_deref(), args.fine.resolution_m, maps.as_ref()) => {}
         () = &mut stop => {}
     }
     let standing = service.stop().await?;

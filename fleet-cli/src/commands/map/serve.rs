@@ -20,7 +20,9 @@ use xtb_services::map_server::MapService;
 use xtb_services::ros2::FleetNode;
 
 const SERVE_HELP: &str = "\
-Robots plan on the served map. Only one map can be served at a time.";
+Robots plan on the served map. Only one map can be served at a time. Operators change its zones and places on the
+dashboard's page and with `fleet-cli place`; what they change is written to FILE, and who did so and why to
+FILE.history.jsonl (`fleet-cli map history`).";
 
 /// Arguments of `map serve`.
 #[derive(Debug, Clone, Args)]
@@ -54,11 +56,12 @@ pub(super) const JSON: &[LineKind] = &[line_of::<Ready<'_>>];
 /// # Errors
 /// A file that is no map, no router, or another map that is served already.
 pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
-    let map = map_file::load(&ctx.out, &args.file, args.fine.resolution_m)?;
+    let (map, kept) = map_file::to_serve(&ctx.out, &args.file, args.fine.resolution_m)?;
     let mut stop = pin!(interrupted());
     let starting = async {
         let client = Client::open(&ctx.settings).await?;
-        let service = MapService::start(client.bus(), client.keys(), &map, ctx.settings.timeout).await?;
+        let (bus, keys, kept) = (client.bus(), client.keys(), Some(kept));
+        let service = MapService::start_kept(bus, keys, &map, kept, ctx.settings.timeout).await?;
         let ros2 = match args.ros2 {
             Some(domain) => Some(FleetNode::start(&client, domain, Some(&map)).await?),
             None => None,
@@ -76,7 +79,7 @@ pub(super) async fn run(ctx: &Context, args: &MapServeArgs) -> Result<Exit> {
     tokio::select! {
         () = &mut stop => {}
         error = client.refused() => return Err(error),
-        () = map_file::follow(&args.file, args.fine.resolution_m, &map, &services.0) => {}
+        () = map_file::follow(&args.file, args.fine.resolution_m, &services.0) => {}
     }
     drop(services);
     client.close().await;

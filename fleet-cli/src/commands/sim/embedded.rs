@@ -42,7 +42,7 @@ impl EmbeddedDispatcher {
         // A simulation calls nobody.
         let outlets = OutletSettings::default();
         let observer = ObserverSettings { outlets, ..config::observer(&ctx.observer.0, ctx.observer.1)? };
-        let floor = Floor { map: simulator.map().cloned(), home };
+        let floor = Floor { own: simulator.maps(), home };
         let service = DispatchService::start(&client, store, floor, observer, ctx.settings.timeout).await?;
         Ok(Self { client, service })
     }

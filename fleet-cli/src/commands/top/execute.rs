@@ -14,7 +14,7 @@ use xtb_client::reset::{ResetReport, each};
 use xtb_client::stop::stop;
 use xtb_client::text::reasons;
 use xtb_client::{Action, Error, ErrorKind, Result};
-use xtb_protocol::messages::{AckBody, AckRequest, DispatchBody, LinkLoss, RejectCode, Suspension};
+use xtb_protocol::messages::{AckBody, AckRequest, Body, DispatchBody, LinkLoss, RejectCode, Suspension};
 use xtb_protocol::{Name, Uuid};
 
 /// Asks, and says what came of it. It ends by itself, at the latest a few `--timeout`s later; an emergency
@@ -61,6 +61,14 @@ async fn attempt(
             let text = format!("accepted{}", from(&control));
             control.release().await;
             Ok(started.map(|()| (Tone::Good, text))?)
+        }
+        Command::SetPose { robot, x_m, y_m, yaw_rad, take } => {
+            let control = Control::acquire(client, robot, *take).await?;
+            let body = Body::SetPose { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad };
+            let set = control.request(Uuid::new_v4(), body).await;
+            let text = format!("set{}", from(&control));
+            control.release().await;
+            Ok(set.map(|_| (Tone::Good, text))?)
         }
         Command::Reset { robot, take } => {
             let control = Control::acquire(client, robot, *take).await?;

@@ -53,6 +53,19 @@ pub(crate) enum Command {
         /// Take control from whoever has it.
         take: bool,
     },
+    /// It stands there.
+    SetPose {
+        /// Who.
+        robot: Name,
+        /// East, in m.
+        x_m: f64,
+        /// North, in m.
+        y_m: f64,
+        /// Counter-clockwise from +x.
+        yaw_rad: f64,
+        /// Take control from whoever has it.
+        take: bool,
+    },
     /// End latches whose cause is gone.
     Reset {
         /// Whose.
@@ -105,7 +118,12 @@ impl Command {
     pub(crate) fn taking(&self) -> Option<Self> {
         let mut command = self.clone();
         match &mut command {
-            Self::Goto { take, .. } | Self::Reset { take, .. } | Self::Cancel { take, .. } if !*take => {
+            Self::Goto { take, .. }
+            | Self::SetPose { take, .. }
+            | Self::Reset { take, .. }
+            | Self::Cancel { take, .. }
+                if !*take =>
+            {
                 *take = true;
             }
             _ => return None,
@@ -123,6 +141,9 @@ impl Command {
             Self::Goto { robot, x_m, y_m, yaw_rad, .. } => {
                 let yaw = yaw_rad.map(|yaw| format!(" {:.0}°", yaw.to_degrees())).unwrap_or_default();
                 format!("goto {robot} ({x_m:.2}, {y_m:.2}){yaw}")
+            }
+            Self::SetPose { robot, x_m, y_m, yaw_rad, .. } => {
+                format!("set-pose {robot} ({x_m:.2}, {y_m:.2}) {:.0}°", yaw_rad.to_degrees())
             }
             Self::Reset { robot, .. } => format!("reset {robot}"),
             Self::ResetAll { robots } => format!("reset {} robots", robots.len()),
@@ -146,6 +167,7 @@ impl Command {
             Self::Estop(whom) | Self::Stop(whom) => whom.robot(),
             Self::ResetAll { .. } | Self::Activate | Self::Acknowledge { .. } => None,
             Self::Goto { robot, .. }
+            | Self::SetPose { robot, .. }
             | Self::Reset { robot, .. }
             | Self::Cancel { robot, .. }
             | Self::CancelTask { robot, .. } => Some(robot),

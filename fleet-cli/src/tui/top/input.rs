@@ -2,6 +2,7 @@
 
 use super::*;
 use xtb_client::dispatcher_client::fleet_stop;
+use xtb_control::Mode;
 
 impl Cockpit {
     pub(super) fn press(&mut self, press: Press, scene: &Scene, now_ms: AtMs) -> Vec<Action> {
@@ -58,6 +59,7 @@ impl Cockpit {
                 return self.selected.clone().map_or_else(Vec::new, |robot| self.grip(robot, false, now_ms));
             }
             Press::Go => return self.go(now_ms),
+            Press::SetPose => self.set_pose(&sights, now_ms),
             Press::Reset => self.reset(&sights, scene, now_ms),
             Press::ResetAll => self.reset_all(&sights, scene, now_ms),
             Press::Activate => self.activate(scene, now_ms),
@@ -249,6 +251,33 @@ impl Cockpit {
                 Vec::new()
             }
         }
+    }
+
+    /// Asks first, and says what it does. A robot that is under way would refuse.
+    pub(super) fn set_pose(&mut self, sights: &[ShownRobot<'_>], now_ms: AtMs) {
+        let Some(sight) = self.sight(sights) else { return };
+        let robot = sight.name.clone();
+        let warn = |cockpit: &mut Self, text: String| cockpit.commands.tell(now_ms, Tone::Warning, text);
+        let Some(state) = sight.state else {
+            return warn(self, format!("{robot}: state unknown, its pose is not set"));
+        };
+        let is_driven = state.mode == Mode::Teleop;
+        if is_driven || state.goal.as_ref().is_some_and(|goal| !goal.status.is_final()) {
+            return warn(self, format!("{robot} is under way: s stops it, then its pose can be set"));
+        }
+        let Some(Cursor { x_m, y_m, yaw_rad }) = self.cursor else {
+            return warn(self, "no point: set the cursor with the arrow keys to where it stands".to_owned());
+        };
+        let yaw_rad = yaw_rad.unwrap_or(state.pose.yaw_rad);
+        let degrees = yaw_rad.to_degrees();
+        let text = format!(
+            "Does {robot} stand at ({x_m:.2}, {y_m:.2}), yaw {degrees:.0}°? It does not move, and forgets where it \
+             believed to be: this counts as known to a few centimetres until pose fixes correct it"
+        );
+        self.ask(Question {
+            text,
+            yes: Wish::Command(Command::SetPose { robot, x_m, y_m, yaw_rad, take: false }),
+        });
     }
 
     pub(super) fn reset(&mut self, sights: &[ShownRobot<'_>], scene: &Scene, now_ms: AtMs) {

@@ -25,6 +25,8 @@ pub(super) enum Press {
     Cancel,
     /// Send the selected robot to the cursor; pause in a recording.
     Go,
+    /// The selected robot stands at the cursor.
+    SetPose,
     /// Why it stands.
     Why,
     /// Events, tasks or alerts.
@@ -106,6 +108,7 @@ fn letter(c: char) -> Option<Press> {
         'A' => Press::Activate,
         't' => Press::Teleop,
         'c' => Press::Cancel,
+        'p' => Press::SetPose,
         'w' => Press::Why,
         'v' => Press::Pane,
         'd' => Press::Details,

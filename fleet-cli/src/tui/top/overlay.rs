@@ -16,6 +16,7 @@ const KEYS: &[(&str, &str)] = &[
     ("Enter", "send the robot to the cursor; it continues if you quit"),
     ("r R u", "yaw on arrival: left, right, any"),
     ("c", "cancel its task or goal"),
+    ("p", "set its pose: it stands at the cursor (asks)"),
     ("t", "drive: hold arrows, space stops; t or Esc ends"),
     ("x / X", "reset its latches / those of all robots (asks)"),
     ("A", "activate a suspended dispatcher (asks)"),

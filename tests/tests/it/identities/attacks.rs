@@ -65,10 +65,11 @@ const QUESTIONS: [(&str, &[Role]); 10] = [
     ("dispatch/cmd/alice", &[Role::Operator]),
     ("dispatch/ack/alice", &[Role::Operator]),
     ("dispatch/standby/dispatch", &[Role::Dispatcher]),
+    ("map/edit/alice", &[Role::Operator]),
     ("xtb-1/*/alice", &[]),
 ];
 /// Answers that nobody may give but these: a shadow of the robot, the dispatcher, the map or the roster.
-const SHADOWS: [(&str, &[Role]); 14] = [
+const SHADOWS: [(&str, &[Role]); 16] = [
     ("xtb-1/state", &[Role::Robot, Role::Simulator]),
     ("xtb-1/about", &[Role::Robot, Role::Simulator]),
     ("xtb-1/cmd/alice", &[Role::Robot, Role::Simulator]),
@@ -81,6 +82,8 @@ const SHADOWS: [(&str, &[Role]); 14] = [
     ("dispatch/history", &[Role::Dispatcher]),
     ("map", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("map/places", &[Role::Map, Role::Dispatcher, Role::Simulator]),
+    ("map/history", &[Role::Map, Role::Dispatcher, Role::Simulator]),
+    ("map/edit/alice", &[Role::Map, Role::Dispatcher, Role::Simulator]),
     ("sim/roster", &[Role::Simulator]),
     ("identity/alice", &[]),
 ];
@@ -130,7 +133,7 @@ async fn victims(pki: &Pki, router: &str, effects: &Effects) -> Vec<Box<dyn std:
             ],
             &[],
         ),
-        ("tasks", &["all/estop/*"], &["dispatch/cmd/*", "dispatch/ack/*", "dispatch/standby/*"]),
+        ("tasks", &["all/estop/*"], &["dispatch/cmd/*", "dispatch/ack/*", "dispatch/standby/*", "map/edit/*"]),
     ] {
         let session = client(pki, who, router).await;
         for key in hears {

@@ -30,7 +30,7 @@ const ROBOT: [&str; 23] = [
     "estop/*",
 ];
 /// Clients' keys of one robot, and the others.
-const OTHERS: [&str; 68] = [
+const OTHERS: [&str; 73] = [
     "xtb-1/cmd/alice-3f9a1c",
     "xtb-1/cmd/alicex",
     "xtb-1/cmd/vera",
@@ -61,6 +61,11 @@ const OTHERS: [&str; 68] = [
     "traffic/state",
     "map",
     "map/places",
+    "map/history",
+    "map/edit/alice",
+    "map/edit/vera",
+    "map/edit/web-3f9a1c",
+    "map/edit/*",
     "dispatch/alive",
     "dispatch/tasks",
     "dispatch/homes",

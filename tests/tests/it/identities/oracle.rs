@@ -19,7 +19,7 @@ const LOOK: &[Line] = &[
     (
         "in",
         "query",
-        "*/{state,about} map map/places dispatch/{tasks,homes},alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
+        "*/{state,about} map map/places map/history dispatch/{tasks,homes},alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "in",
@@ -35,16 +35,16 @@ const LOOK: &[Line] = &[
     (
         "out",
         "reply",
-        "*/{state,about} map map/places dispatch/{tasks,homes},alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
+        "*/{state,about} map map/places map/history dispatch/{tasks,homes},alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
     ),
     ("out", "liveliness_token", "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/** */event/json/@adv/**"),
 ];
 const STOP: &[Line] =
     &[("in", "put query", "*/estop/me"), ("in", "put", "all/estop/me"), ("out", "reply", "*/estop/me")];
 const DRIVE: &[Line] = &[
-    ("in", "query", "*/{cmd,estop,log,param}/me dispatch/{cmd,ack,standby}/me"),
+    ("in", "query", "*/{cmd,estop,log,param}/me dispatch/{cmd,ack,standby}/me map/edit/me"),
     ("in", "put", "*/{teleop,estop}/me all/estop/me"),
-    ("out", "reply", "*/{cmd,estop,log,param}/me dispatch/{cmd,ack,standby}/me"),
+    ("out", "reply", "*/{cmd,estop,log,param}/me dispatch/{cmd,ack,standby}/me map/edit/me"),
 ];
 const ROBOT: &[Line] = &[
     ("in", "put", "n/{state,state/json,sensors,event,near/*,event/@adv/**,event/json,event/json/@adv/**}"),
@@ -75,8 +75,9 @@ const TRAFFIC: &[Line] =
     &[("in", "put", "*/route traffic/state"), ("in", "liveliness_token", "traffic/alive")];
 const MAP: &[Line] = &[
     ("in", "put declare_queryable reply", "map map/places"),
+    ("in", "declare_queryable reply", "map/history map/edit/*"),
     ("in", "query", "map"),
-    ("out", "query", "map map/places"),
+    ("out", "query", "map map/places map/history map/edit/*"),
     ("out", "reply", "map"),
 ];
 const FIXES: &[Line] = &[("in", "put", "*/fix")];

@@ -85,6 +85,38 @@ fn the_cursor_goes_where_arrows_say_and_enter_sends_the_robot_there() {
 }
 
 #[test]
+fn a_pose_is_set_after_a_yes_that_says_what_it_does_and_only_of_who_stands() {
+    let (mut cockpit, scene) = (cockpit(), fleet());
+    screen(&mut cockpit, &scene, 80, 24);
+    letter(&mut cockpit, &scene, '3');
+    letter(&mut cockpit, &scene, 'p');
+    line(&screen(&mut cockpit, &scene, 80, 24), "no point");
+    let (width_m, _) = cockpit.view.cell_m();
+    press(&mut cockpit, &scene, KeyCode::Right);
+    letter(&mut cockpit, &scene, 'p');
+    let shown = screen(&mut cockpit, &scene, 160, 50);
+    line(&shown, "Does xtb-3 stand at (");
+    line(&shown, "forgets");
+    let set = commands(&letter(&mut cockpit, &scene, 'y'));
+    let yaw_rad = 180_f64.to_radians();
+    let expected = |yaw_rad| Command::SetPose {
+        robot: name("xtb-3"),
+        x_m: 3.0 + width_m,
+        y_m: 2.0,
+        yaw_rad,
+        take: false,
+    };
+    assert_eq!(set, [expected(yaw_rad)], "the present yaw, unless the cursor has one");
+    // One that drives, and one that is not heard.
+    for (digit, why) in [('1', "is under way"), ('4', "state unknown")] {
+        letter(&mut cockpit, &scene, digit);
+        letter(&mut cockpit, &scene, 'p');
+        assert!(commands(&letter(&mut cockpit, &scene, 'y')).is_empty());
+        line(&screen(&mut cockpit, &scene, 160, 50), why);
+    }
+}
+
+#[test]
 fn the_answer_shows_with_its_age() {
     let (mut cockpit, scene) = (cockpit(), fleet());
     let actions = letter(&mut cockpit, &scene, 's');

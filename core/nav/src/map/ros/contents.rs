@@ -1,15 +1,29 @@
-//! Other places in a map's YAML, whose other lines stay as people wrote them.
+//! Other zones and places in a map's YAML, whose other lines stay as people wrote them.
 
-use super::{Description, RosError, WrittenPlace};
-use crate::map::check_places;
+use super::{Description, RosError, WrittenPlace, WrittenZone};
+use crate::map::{Zone, check_places};
 use serde::Serialize;
 use xtb_protocol::messages::MapPlace;
 
-const KEY: &str = "places";
+#[derive(Serialize)]
+struct WrittenPlaces<'a> {
+    places: Vec<WrittenPlace<'a>>,
+}
 
 #[derive(Serialize)]
-struct Written<'a> {
-    places: Vec<WrittenPlace<'a>>,
+struct WrittenZones<'a> {
+    zones: Vec<WrittenZone<'a>>,
+}
+
+/// A YAML with these zones instead of those that it had, at its end; comments within its former list are lost.
+///
+/// # Errors
+/// [`RosError`] if `yaml` is no map, or not laid out in lines.
+pub fn with_zones(yaml: &str, zones: &[Zone]) -> Result<String, RosError> {
+    let before = Description::from_yaml(yaml)?;
+    let written = WrittenZones { zones: zones.iter().map(WrittenZone::from).collect() };
+    let list = (!zones.is_empty()).then_some(&written);
+    replaced(yaml, "zones", list, &Description { zones: zones.to_vec(), ..before })
 }
 
 /// A YAML with these places instead of those that it had, at its end; comments within its former list are lost.
@@ -19,25 +33,34 @@ struct Written<'a> {
 pub fn with_places(yaml: &str, places: &[MapPlace]) -> Result<String, RosError> {
     check_places(places)?;
     let before = Description::from_yaml(yaml)?;
-    let mut text = without(yaml);
-    if !places.is_empty() {
-        let written = Written { places: places.iter().map(WrittenPlace::from).collect() };
-        text.push_str(&serde_saphyr::to_string(&written).map_err(|error| RosError::Yaml(error.to_string()))?);
+    let written = WrittenPlaces { places: places.iter().map(WrittenPlace::from).collect() };
+    let list = (!places.is_empty()).then_some(&written);
+    replaced(yaml, "places", list, &Description { places: places.to_vec(), ..before })
+}
+
+/// The YAML with this list for a key, if it then says what it shall.
+fn replaced(
+    yaml: &str,
+    key: &'static str,
+    list: Option<&impl Serialize>,
+    shall: &Description,
+) -> Result<String, RosError> {
+    let mut text = without(yaml, key);
+    if let Some(list) = list {
+        text.push_str(&serde_saphyr::to_string(list).map_err(|error| RosError::Yaml(error.to_string()))?);
     }
-    let changed =
-        Description::from_yaml(&text).ok() == Some(Description { places: places.to_vec(), ..before });
     let unusual =
-        || RosError::Key { key: KEY, reason: "cannot be replaced in this layout; edit it by hand".into() };
-    if changed { Ok(text) } else { Err(unusual()) }
+        || RosError::Key { key, reason: "cannot be replaced in this layout; edit it by hand".into() };
+    if Description::from_yaml(&text).as_ref() == Ok(shall) { Ok(text) } else { Err(unusual()) }
 }
 
 /// All lines but the key and its list.
-fn without(yaml: &str) -> String {
+fn without(yaml: &str, key: &str) -> String {
     let mut within = false;
     let kept = yaml.lines().filter(|line| {
         let is_key = line.starts_with(|c: char| !matches!(c, ' ' | '\t' | '-' | '#')) && !line.is_empty();
         if is_key {
-            within = line.strip_prefix(KEY).is_some_and(|rest| rest.trim_start().starts_with(':'));
+            within = line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with(':'));
         }
         !within
     });
@@ -69,6 +92,20 @@ mod tests {
         assert_eq!(Description::from_yaml(&two).unwrap().places[1], hall);
         let none = with_places(&two, &[]).unwrap();
         assert_eq!(none, format!("{MAP}# where we charge\n{ZONES}"));
+    }
+
+    #[test]
+    fn zones_are_replaced_beside_the_places() {
+        use crate::map::ZoneKind;
+        let dock = place(r#"{"name":"dock-1","x_m":1.5,"y_m":2}"#);
+        let both = with_places(&format!("{MAP}{ZONES}"), std::slice::from_ref(&dock)).unwrap();
+        let kind = ZoneKind::OneWay { heading_rad: 1.5 };
+        let lane = Zone::new("west lane", kind, vec![[0.0, 0.0], [1.0, 0.0], [1.0, 2.5]]).unwrap();
+        let changed = with_zones(&both, std::slice::from_ref(&lane)).unwrap();
+        let read = Description::from_yaml(&changed).unwrap();
+        assert_eq!((read.zones.as_slice(), read.places.as_slice()), (&[lane][..], &[dock][..]));
+        assert!(changed.starts_with(MAP) && !changed.contains("chargers"), "{changed}");
+        assert!(!with_zones(&changed, &[]).unwrap().contains("zones"));
     }
 
     #[test]
