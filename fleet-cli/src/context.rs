@@ -75,6 +75,7 @@ impl Context {
             client,
             timeout: global.timeout,
             robots: config.robots,
+            aliases: config.aliases,
         };
         Ok(Self { settings, connect_given: global.connect_given, out })
     }

@@ -273,7 +273,7 @@ async fn carry_out(client: &Client, known: &[Name], command: Command) -> Result<
         }
         Command::Stop { robot } => execute::stop(client, known, robot).await,
         Command::Estop { robot } => execute::estop(client, known, robot).await,
-        Command::Reset { robot } => execute::reset(client, robot).await,
+        Command::Reset { robot, take } => execute::reset(client, robot, take).await,
         Command::ResetAll {} => execute::reset_all(client).await,
         Command::Submit { spec } => execute::submit(client, *spec).await,
         Command::Cancel { task } => execute::cancel(client, task).await,

@@ -67,6 +67,9 @@ pub(super) enum Command {
     Reset {
         /// Whose.
         robot: Name,
+        /// Take control from whoever has it.
+        #[serde(default)]
+        take: bool,
     },
     /// End the latched stops of every robot that has any.
     ResetAll {},
@@ -133,7 +136,7 @@ impl Command {
     /// Which robot it is for; `None` = all, or it is for the dispatcher.
     pub(super) fn robot(&self) -> Option<&Name> {
         match self {
-            Self::Goto { robot, .. } | Self::Reset { robot } | Self::Teleop { robot, .. } => Some(robot),
+            Self::Goto { robot, .. } | Self::Reset { robot, .. } | Self::Teleop { robot, .. } => Some(robot),
             Self::Stop { robot } | Self::Estop { robot } => robot.as_ref(),
             Self::ResetAll {}
             | Self::Submit { .. }
@@ -200,6 +203,7 @@ mod tests {
             r#"{"do": {"id": 2, "command": {"stop": {"robot": null}}}}"#,
             r#"{"do": {"id": 3, "command": {"estop": {"robot": "xtb-2"}}}}"#,
             r#"{"do": {"id": 4, "command": {"reset": {"robot": "xtb-2"}}}}"#,
+            r#"{"do": {"id": 4, "command": {"reset": {"robot": "xtb-2", "take": true}}}}"#,
             r#"{"do": {"id": 5, "command": {"submit": {"spec": {"kind": {"wander": {"for_s": 5}}}}}}}"#,
             r#"{"do": {"id": 6, "command": {"cancel": {"task": "t17"}}}}"#,
             r#"{"do": {"id": 7, "command": {"teleop": {"robot": "xtb-1", "take": false}}}}"#,

@@ -32,9 +32,9 @@ pub struct EstopArgs {
 /// No router, or nobody to stop.
 pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
-    let targets = args.who.targets();
+    let (targets, unknown) = args.who.targets(&client).await?;
     let calling = estop(&client, &targets, ctx.settings.timeout);
-    let report = stopped::shown(ctx, &client, &args.who, calling, "stopped (latched)").await?;
+    let exit = stopped::shown(ctx, &client, (&targets, unknown), calling, "stopped (latched)").await?;
     if !ctx.out.json {
         ctx.out.note("reset with `fleet-cli reset ROBOT`; this is not a safety-rated stop");
         if args.who.all && DispatcherClient::of(&client).is_there().await {
@@ -42,5 +42,5 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
         }
     }
     client.close().await;
-    Ok(report.exit())
+    Ok(exit)
 }

@@ -5,10 +5,14 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+mod axe;
+mod crowd;
 mod driver;
 mod driving;
 mod foreign;
+mod gamepad;
 mod hand;
+mod many;
 mod signing_in;
 mod tasks;
 

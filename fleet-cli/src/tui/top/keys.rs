@@ -29,6 +29,8 @@ pub(super) enum Press {
     Why,
     /// Events or tasks.
     Pane,
+    /// Write what the table is filtered by.
+    Filter,
     /// The keys.
     Help,
     /// Select so many robots further on.
@@ -104,6 +106,7 @@ fn letter(c: char) -> Option<Press> {
         'c' => Press::Cancel,
         'w' => Press::Why,
         'v' => Press::Pane,
+        '/' => Press::Filter,
         '?' | 'h' => Press::Help,
         'j' => Press::Step(1),
         'k' => Press::Step(-1),

@@ -1,6 +1,7 @@
 //! The cockpit on a fleet of six, at both sizes that matter and some that do not.
 
 mod drawing;
+mod filtering;
 mod pressing;
 
 use super::*;
