@@ -1,5 +1,6 @@
 //! Arguments of all verbs, and of several.
 
+use crate::robots::{self, RobotsWord};
 use crate::values::seconds;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{ArgGroup, Args, ValueEnum};
@@ -7,6 +8,7 @@ use robot_agent::logging::LogFormat;
 use std::path::PathBuf;
 use std::time::Duration;
 use xtb_client::multi_robot::Targets;
+use xtb_client::{Client, Error, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::LinkLoss;
 
@@ -95,9 +97,9 @@ pub struct LeaseArgs {
 #[derive(Debug, Clone, Args)]
 #[command(group = ArgGroup::new("who").args(["robots", "all"]).required(true))]
 pub struct WhoArgs {
-    /// Robots.
-    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
-    pub robots: Vec<Name>,
+    /// Robots; @TAG means all of the roster that have the tag.
+    #[arg(value_name = "ROBOT", value_parser = RobotsWord::parse)]
+    pub robots: Vec<RobotsWord>,
     /// All robots of the roster and all others present.
     #[arg(long)]
     pub all: bool,
@@ -107,12 +109,18 @@ pub struct WhoArgs {
 }
 
 impl WhoArgs {
-    /// Whom that means.
-    #[must_use]
-    pub fn targets(&self) -> Targets {
-        match self.all {
-            true => Targets::All { expect: self.expect.clone(), known: Vec::new() },
-            false => Targets::Robots(self.robots.clone()),
+    /// Whom that means, and which tag nobody has: the others are not left alone because of it.
+    ///
+    /// # Errors
+    /// Nobody is meant, or the roster could not be asked for.
+    pub(crate) async fn targets(&self, client: &Client) -> Result<(Targets, Option<Error>)> {
+        if self.all {
+            return Ok((Targets::All { expect: self.expect.clone(), known: Vec::new() }, None));
+        }
+        let meant = robots::meant(client, &self.robots).await?;
+        match meant.unknown {
+            Some(error) if meant.names.is_empty() => Err(error),
+            unknown => Ok((Targets::Robots(meant.names), unknown)),
         }
     }
 }

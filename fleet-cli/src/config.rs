@@ -1,4 +1,4 @@
-//! The fleet config: an optional TOML file with the fleet's name, routers and roster, and where robots go by
+//! The fleet config: an optional TOML file with the fleet's name, routers, roster and aliases, and where robots go by
 //! themselves.
 
 mod observer;
@@ -6,6 +6,7 @@ mod observer;
 pub use observer::{AlertsConfig, HistoryConfig, observer};
 
 use crate::nearest::nearest;
+use crate::text::width::text_width;
 use robot_agent::files;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -17,9 +18,13 @@ use xtb_control::frames::MapPose;
 use xtb_dispatch::{HomeRules, HomeSettings};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{MAX_COORDINATE_M, RosterEntry, place_name};
+use xtb_protocol::text::{is_control, is_invisible};
 
-const TOP: [&str; 6] = ["fleet", "connect", "robots", "home"];
-const HOME: [&str; 4] = ["now_margin_v", "resume_margin_v", "park_after_s", "robots", "alerts", "history"];
+/// Columns of an alias at most.
+const ALIAS: usize = 24;
+
+const TOP: [&str; 7] = ["fleet", "connect", "robots", "home", "alerts", "history", "aliases"];
+const HOME: [&str; 4] = ["now_margin_v", "resume_margin_v", "park_after_s", "robots"];
 const ROBOT: [&str; 3] = ["name", "tags", "start_pose"];
 const POSE: [&str; 3] = ["x_m", "y_m", "yaw_rad"];
 
@@ -56,6 +61,8 @@ impl From<HomeConfig> for HomeRules {
     pub alerts: AlertsConfig,
     /// How much history it keeps.
     pub history: HistoryConfig,
+    /// What people here call robots, for screens only.
+    pub aliases: BTreeMap<Name, String>,
 }
 
 impl FleetConfig {
@@ -109,8 +116,33 @@ impl FleetConfig {
         }
         config.alerts.check()?;
         config.history.check()?;
+        check_aliases(&config.aliases)?;
         Ok(config)
     }
+}
+
+/// An alias fits beside a name, does nothing to a terminal, and is mistaken for no other robot.
+fn check_aliases(aliases: &BTreeMap<Name, String>) -> Result<()> {
+    for (robot, alias) in aliases {
+        let wrong = |what: String| {
+            let error = Error::new(ErrorKind::Config, format!("aliases.{robot} = {alias:?} {what}"));
+            Err(error.hint(format!("an alias is 1 to {ALIAS} columns wide, and only one robot has it")))
+        };
+        if alias.trim() != alias || alias.is_empty() || text_width(alias) > ALIAS {
+            return wrong("is empty, too wide, or begins or ends with a blank".into());
+        }
+        if alias.contains(|c| is_control(c) || is_invisible(c)) {
+            return wrong("has a character that cannot be shown".into());
+        }
+        Name::robot(robot.as_str())
+            .map_err(|error| Error::new(ErrorKind::Config, format!("aliases.{robot}: {error}")))?;
+        let is_taken =
+            |(other, own): (&Name, &String)| other != robot && (own == alias || other.as_str() == alias);
+        if let Some((other, _)) = aliases.iter().find(|(other, own)| is_taken((other, own))) {
+            return wrong(format!("is {other}'s too"));
+        }
+    }
+    Ok(())
 }
 
 /// The ranges of the agent's own `start_pose`.
@@ -179,12 +211,15 @@ mod tests {
             start_pose = { x_m = 1.0, y_m = -2.0, yaw_rad = 0.5 }
             [[robots]]
             name = "xtb-2"
+            [aliases]
+            xtb-2 = "Roter Käfer"
             "#,
         )
         .unwrap();
         assert_eq!(config.fleet.unwrap().as_str(), "hall");
         assert_eq!(config.robots[0].start_pose.unwrap().y_m, -2.0);
         assert_eq!(config.robots[1].name.as_str(), "xtb-2");
+        assert_eq!(config.aliases[&Name::new("xtb-2").unwrap()], "Roter Käfer");
         assert_eq!(FleetConfig::parse("").unwrap(), FleetConfig::default());
     }
 
@@ -194,7 +229,7 @@ mod tests {
             ("conect = []", "unknown key conect", "did you mean connect?"),
             ("[[robots]]\nnme = 'a'", "unknown key robots[0].nme", "did you mean robots[0].name?"),
             ("[[robots]]\nname = 'a'\nstart_pose = { x = 1 }", "robots[0].start_pose.x", "x_m"),
-            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots, home, alerts, history"),
+            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots, home, alerts, history, aliases"),
             ("[alerts]\nblocked = 5", "unknown key alerts.blocked", "did you mean alerts.blocked_s?"),
         ] {
             let failure = FleetConfig::parse(text).unwrap_err();
@@ -234,6 +269,15 @@ mod tests {
             "[[robots]]\nname = 'a'\n[[robots]]\nname = 'a'",
             "[[robots]]\nname = 'a'\nstart_pose = { x_m = nan, y_m = 0, yaw_rad = 0 }",
             "[[robots]]\nname = 'a'\nstart_pose = { x_m = 0, y_m = 1001, yaw_rad = 0 }",
+            "[aliases]\na = ''",
+            "[aliases]\na = ' x'",
+            "[aliases]\na = 'more than twenty-four columns'",
+            "[aliases]\na = \"\\u001b[2J\"",
+            "[aliases]\na = \"x\\u202ey\"",
+            "[aliases]\na = 'x'\nb = 'x'",
+            "[aliases]\na = 'b'\nb = 'x'",
+            "[aliases]\nall = 'x'",
+            "[aliases]\nA = 'x'",
         ] {
             assert_eq!(FleetConfig::parse(text).unwrap_err().kind, ErrorKind::Config, "{text}");
         }

@@ -83,6 +83,7 @@ impl Context {
             client,
             timeout: global.timeout,
             robots: config.robots,
+            aliases: config.aliases,
         };
         let home = config.home.map(HomeRules::from);
         let observer = (config.alerts, config.history);

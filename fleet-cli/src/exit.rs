@@ -22,6 +22,12 @@ pub enum Exit {
 }
 
 impl Exit {
+    /// The worse one of two: what is not known is worse than what has failed.
+    #[must_use]
+    pub fn worse(self, other: Self) -> Self {
+        if other.code() > self.code() { other } else { self }
+    }
+
     /// The process's exit code.
     #[must_use]
     pub fn code(self) -> u8 {
@@ -64,6 +70,13 @@ impl From<ErrorKind> for Exit {
 mod tests {
     use super::*;
     use xtb_protocol::messages::{MapEditCode, RejectCode};
+
+    #[test]
+    fn the_worst_of_several_decides_how_a_command_ends() {
+        assert_eq!(Exit::Done.worse(Exit::Failed), Exit::Failed);
+        assert_eq!(Exit::Unknown.worse(Exit::Failed), Exit::Unknown);
+        assert_eq!(Exit::Done.worse(Exit::Done), Exit::Done);
+    }
 
     #[test]
     fn each_kind_of_error_has_its_code_and_its_exit_code() {

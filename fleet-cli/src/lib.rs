@@ -18,6 +18,8 @@ pub mod output;
 pub mod pki;
 pub mod point;
 pub mod recording;
+pub mod robots;
+mod spread;
 pub mod table;
 pub mod terminal;
 mod text;

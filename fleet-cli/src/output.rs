@@ -12,6 +12,7 @@ use std::borrow::Cow;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 use xtb_client::{Error, ErrorKind, Result};
+use xtb_protocol::Name;
 use xtb_protocol::text;
 
 /// Between two lines of progress where they cannot be painted over.
@@ -98,6 +99,8 @@ pub struct Output {
 /// What went wrong, as `--json` prints it.
 #[derive(Serialize, JsonSchema)]
 pub(crate) struct ErrorLine<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robot: Option<&'a Name>,
     error: ErrorFields<'a>,
 }
 
@@ -173,13 +176,25 @@ impl Output {
     /// Says what went wrong: one JSON line on standard output, or `error:` and `hint:` on standard
     /// error.
     pub fn failure(&self, failure: &Error) {
+        self.said(None, failure);
+    }
+
+    /// The same of one of several robots: the JSON line has its name as `robot`, the text names it too.
+    pub fn failure_of(&self, robot: &Name, failure: &Error) {
+        let is_named = self.json || failure.message.contains(robot.as_str());
+        let whose = if is_named { String::new() } else { format!("{robot}: ") };
+        let message = format!("{whose}{}", failure.message);
+        self.said(Some(robot), &Error { message, ..failure.clone() });
+    }
+
+    fn said(&self, robot: Option<&Name>, failure: &Error) {
         let Error { kind, message, hint } = failure;
         if *kind == ErrorKind::PipeClosed {
             return;
         }
         let hint = if hint.is_empty() { kind.usual_hint() } else { hint.as_str() };
         if self.json {
-            let line = ErrorLine { error: ErrorFields { code: kind.code(), message, hint } };
+            let line = ErrorLine { robot, error: ErrorFields { code: kind.code(), message, hint } };
             // Nobody is left to hear that the error could not be said.
             let _ = self.line(&line);
             return;
@@ -201,17 +216,31 @@ pub struct Progress {
     shown: Option<Instant>,
     /// What was written last where nothing is painted over.
     last: String,
+    silent: bool,
 }
 
 impl Progress {
     /// Nothing shown yet.
     #[must_use]
     pub fn new() -> Self {
-        Self { terminal: std::io::stderr().is_terminal(), shown: None, last: String::new() }
+        Self::with(false)
+    }
+
+    /// Shows nothing: for one of several that would paint over each other.
+    #[must_use]
+    pub fn silent() -> Self {
+        Self::with(true)
+    }
+
+    fn with(silent: bool) -> Self {
+        Self { terminal: std::io::stderr().is_terminal(), shown: None, last: String::new(), silent }
     }
 
     /// Shows how it stands.
     pub fn show(&mut self, text: &str) {
+        if self.silent {
+            return;
+        }
         let text = &*text::escaped(text);
         let due = self.shown.is_none_or(|at| at.elapsed() >= PROGRESS_EVERY);
         let mut err = std::io::stderr().lock();

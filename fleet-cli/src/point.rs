@@ -27,8 +27,14 @@ pub enum PointWord {
     Place(Name),
 }
 
+/// A point as it was written.
+pub(crate) enum Written<'a> {
+    Point(Waypoint),
+    Place(&'a Name),
+}
+
 impl PointWord {
-    fn parse(text: &str) -> std::result::Result<Self, String> {
+    pub(crate) fn parse(text: &str) -> std::result::Result<Self, String> {
         match place_name(text) {
             Ok(name) => Ok(Self::Place(name)),
             Err(_) => metres(text).map(Self::X).map_err(|error| format!("{error}, or the name of a place")),
@@ -47,26 +53,47 @@ impl PointArgs {
     /// # Errors
     /// [`ErrorKind::Invalid`]: a number too few or too many, or there is no such place; else no router.
     pub(crate) async fn resolve(&self, ctx: &Context) -> Result<Waypoint> {
-        let place = match (&self.point, self.y_m) {
-            (PointWord::X(x_m), Some(y_m)) => return Ok(Waypoint { x_m: *x_m, y_m, yaw_rad: None }),
+        if let Written::Point(at) = self.written()? {
+            return Ok(at);
+        }
+        let client = Client::open(&ctx.settings).await?;
+        let found = self.find(&client).await;
+        client.close().await;
+        found.map(|(at, _)| at)
+    }
+
+    /// The point, and the place that it is of.
+    ///
+    /// # Errors
+    /// As [`Self::resolve`].
+    pub(crate) async fn find(&self, client: &Client) -> Result<(Waypoint, Option<MapPlace>)> {
+        let name = match self.written()? {
+            Written::Point(at) => return Ok((at, None)),
+            Written::Place(name) => name.as_str(),
+        };
+        let within = client.settings().timeout;
+        let place = map_source::place(client.bus(), client.keys(), name, within).await?;
+        let MapPlace { x_m, y_m, yaw_rad, .. } = place;
+        Ok((Waypoint { x_m, y_m, yaw_rad }, Some(place)))
+    }
+
+    /// What stands there.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Invalid`]: a number too few or too many.
+    pub(crate) fn written(&self) -> Result<Written<'_>> {
+        match (&self.point, self.y_m) {
+            (PointWord::X(x_m), Some(y_m)) => Ok(Written::Point(Waypoint { x_m: *x_m, y_m, yaw_rad: None })),
             (PointWord::X(x_m), None) => {
                 let error =
                     Error::new(ErrorKind::Invalid, format!("a point needs two numbers; {x_m} is X alone"));
-                return Err(error.hint("give X and Y in m, or the name of a place"));
+                Err(error.hint("give X and Y in m, or the name of a place"))
             }
             (PointWord::Place(name), Some(y_m)) => {
                 let message = format!("{name} is the name of a place, which needs no Y ({y_m})");
-                return Err(
-                    Error::new(ErrorKind::Invalid, message).hint("give X and Y in m, or a place alone")
-                );
+                Err(Error::new(ErrorKind::Invalid, message).hint("give X and Y in m, or a place alone"))
             }
-            (PointWord::Place(name), None) => name,
-        };
-        let client = Client::open(&ctx.settings).await?;
-        let found =
-            map_source::place(client.bus(), client.keys(), place.as_str(), ctx.settings.timeout).await;
-        client.close().await;
-        let MapPlace { x_m, y_m, yaw_rad, .. } = found?;
-        Ok(Waypoint { x_m, y_m, yaw_rad })
+            (PointWord::Place(name), None) => Ok(Written::Place(name)),
+        }
     }
 }

@@ -40,6 +40,11 @@ pub(crate) fn metres(text: &str) -> Result<f64, String> {
     number(text, -most, most, "metres")
 }
 
+/// Between the middles of two robots.
+pub(crate) fn apart(text: &str) -> Result<f64, String> {
+    number(text, 0.3, 20.0, "metres")
+}
+
 /// A `ROS_DOMAIN_ID`.
 pub(crate) fn ros_domain() -> impl TypedValueParser<Value = u32> {
     clap::value_parser!(u32).range(0..=232)

@@ -29,6 +29,9 @@ pub struct FleetView {
 pub struct RobotView {
     /// Whose.
     pub name: Name,
+    /// What people here call it, from the settings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alias: Option<String>,
     /// Whether it is present: alive means commandable.
     pub alive: bool,
     /// `None` = unknown, or one of a feed that is so old that it says nothing any more. One that was asked for is
@@ -92,6 +95,7 @@ impl FleetView {
             let seen = states.get(name);
             RobotView {
                 name: name.clone(),
+                alias: None,
                 alive: alive.contains(name),
                 state: seen.and_then(shown).cloned(),
                 tags: Vec::new(),
@@ -114,6 +118,15 @@ impl FleetView {
                 row.tags.clone_from(&entry.tags);
                 row.start_pose = entry.start_pose;
             }
+        }
+        self
+    }
+
+    /// With what people here call them.
+    #[must_use]
+    pub fn with_aliases(mut self, aliases: &BTreeMap<Name, String>) -> Self {
+        for row in &mut self.robots {
+            row.alias = aliases.get(&row.name).cloned();
         }
         self
     }

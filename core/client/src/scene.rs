@@ -148,6 +148,7 @@ pub enum What {
 pub struct Scene {
     fleet: Name,
     robots: BTreeMap<Name, Robot>,
+    aliases: BTreeMap<Name, String>,
     map: Option<FleetMap>,
     places: Option<FleetPlaces>,
     tasks: Option<Seen<TaskList>>,
@@ -169,6 +170,7 @@ impl Scene {
         Self {
             fleet,
             robots: BTreeMap::new(),
+            aliases: BTreeMap::new(),
             map: None,
             places: None,
             tasks: None,
@@ -204,7 +206,7 @@ impl Scene {
             (AnyMessage::TaskEvent(event), None) => self.happened(at_ms, What::Task(*event)),
             (AnyMessage::Alive(there), _) => self.presence(at_ms, key, there),
             (AnyMessage::Roster(roster), None) => {
-                roster.robots.into_iter().for_each(|entry| self.expect(entry))
+                roster.robots.into_iter().for_each(|entry| self.expect_also(entry))
             }
             (AnyMessage::Map(map), None) => self.map = Some(*map),
             (AnyMessage::Places(places), None) => self.places = Some(*places),
@@ -222,6 +224,26 @@ impl Scene {
     pub fn expect(&mut self, entry: RosterEntry) {
         let name = entry.name.clone();
         self.with(&name, |robot| robot.roster = Some(entry));
+    }
+
+    /// The same from a simulator's roster, which has no tags: those that are known stay.
+    fn expect_also(&mut self, mut entry: RosterEntry) {
+        let known = self.robots.get(&entry.name).and_then(|robot| robot.roster.as_ref());
+        if let Some(known) = known.filter(|_| entry.tags.is_empty()) {
+            entry.tags.clone_from(&known.tags);
+        }
+        self.expect(entry);
+    }
+
+    /// What people here call robots; it makes no rows.
+    pub fn set_aliases(&mut self, aliases: BTreeMap<Name, String>) {
+        self.aliases = aliases;
+    }
+
+    /// What people here call this robot.
+    #[must_use]
+    pub fn alias(&self, robot: &Name) -> Option<&str> {
+        self.aliases.get(robot).map(String::as_str)
     }
 
     fn with(&mut self, name: &Name, change: impl FnOnce(&mut Robot)) {

@@ -1,6 +1,7 @@
 //! How to reach a fleet, and as whom.
 
 use crate::rights;
+use std::collections::BTreeMap;
 use std::time::Duration;
 use xtb_bus::Enrolled;
 use xtb_identity::Action;
@@ -30,6 +31,8 @@ pub struct Settings {
     pub timeout: Duration,
     /// Which robots should be there; empty = the fleet's simulator is asked.
     pub robots: Vec<RosterEntry>,
+    /// What people here call some of them, for screens only: names stay what identifies a robot.
+    pub aliases: BTreeMap<Name, String>,
 }
 
 impl Settings {
@@ -45,6 +48,7 @@ impl Settings {
             client: unique_name("client")?,
             timeout: DEFAULT_TIMEOUT,
             robots: Vec::new(),
+            aliases: BTreeMap::new(),
         })
     }
 

@@ -1,22 +1,27 @@
 // Driving by hand: the shell around press_hold.js. It takes the lease, feeds inputs in, sends what comes out.
 //
 // Every way in which an input can be lost lets go of it: pointerup, pointercancel, lost capture, keyup,
-// blur of the window, a hidden page, pagehide, a closed or silent socket. The timer runs only while something is held.
+// blur of the window, a hidden page, pagehide, a closed or silent socket; a gamepad is looked at each 20 ms while a
+// robot is driven, and gone at once when the browser says so. The timer runs only while something is held.
 
+import { Gamepad } from "./gamepad.js";
 import { PressHold, PERIOD_MS, isDriveKey } from "./press_hold.js";
 
 const DEAD_ZONE = 0.08;
+const LOOK_MS = 20; // at the gamepad
 const byId = (id) => document.getElementById(id);
 
 export class Drive {
   #link;
   #store;
   #hold = new PressHold();
+  #pad = new Gamepad();
+  #looking = null; // timer: looks at the gamepad while a robot is driven
   #timer = null;
   #asked = null; // the robot that we asked for
   #tell;
   #parts = { box: byId("drive"), who: byId("drive-who"), says: byId("drive-says"), stick: byId("stick"),
-    knob: byId("knob"), share: byId("drive-share") };
+    knob: byId("knob"), share: byId("drive-share"), pad: byId("drive-pad") };
 
   // `tell(text)`: something the user has to know.
   constructor(link, store, tell) {
@@ -40,6 +45,7 @@ export class Drive {
       this.#settle();
     });
     window.addEventListener("blur", () => this.letGo());
+    window.addEventListener("gamepaddisconnected", () => this.#look());
     window.addEventListener("pagehide", () => this.end());
     document.addEventListener("visibilitychange", () => {
       if (document.hidden) this.end();
@@ -82,6 +88,7 @@ export class Drive {
     if (robot === null) this.letGo();
     if (robot !== null && box.hidden) queueMicrotask(() => stick.focus({ preventScroll: true }));
     box.hidden = robot === null;
+    this.#watch(robot !== null);
     who.textContent = robot ?? "";
     if (robot !== null && !this.#hold.held) says.textContent = "no input";
   }
@@ -97,6 +104,23 @@ export class Drive {
 
   letGo() {
     this.#hold.releaseAll();
+    this.#pad.release();
+    this.#settle();
+  }
+
+  #watch(drives) {
+    if (drives && this.#looking === null) this.#looking = setInterval(() => this.#look(), LOOK_MS);
+    if (drives || this.#looking === null) return;
+    clearInterval(this.#looking);
+    this.#looking = null;
+  }
+
+  #look() {
+    if (this.#looking === null) return;
+    const now = performance.now();
+    // Browsers list gamepads on secure pages only.
+    this.#hold.pad(this.#pad.read(navigator.getGamepads?.() ?? [], now), now);
+    if (this.#parts.pad.textContent !== this.#pad.says) this.#parts.pad.textContent = this.#pad.says;
     this.#settle();
   }
 
@@ -159,7 +183,7 @@ export class Drive {
     if (setpoint !== null) {
       this.#send(setpoint);
     } else {
-      this.#settle();
+      this.letGo();
       this.#parts.says.textContent = "page stalled: press again";
     }
   }

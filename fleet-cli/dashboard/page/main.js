@@ -10,6 +10,7 @@ import { GoalTool } from "./goal_tool.js";
 import { Drive } from "./drive.js";
 import { Picture } from "./draw.js";
 import { bounds } from "./floor.js";
+import { boxesOver, freest, isCovered } from "./free_area.js";
 import { Link } from "./link.js";
 import { FrameRate } from "./frame_rate.js";
 import { mapPanel } from "./edit_panel.js";
@@ -17,7 +18,8 @@ import { MapEditor } from "./map_editor.js";
 import * as panels from "./panels.js";
 import { PlaybackBar } from "./playback.js";
 import { Plots } from "./plots.js";
-import { robotList, robotPanel } from "./robots.js";
+import { focusFilter, robotList } from "./robot_list.js";
+import { robotPanel } from "./robots.js";
 import { speedLimit } from "./speed.js";
 import { Store, shown } from "./store.js";
 import { form, spec, taskPanel, withPoint } from "./tasks.js";
@@ -51,7 +53,7 @@ let held = null; // {text, take()}: somebody else has control of the selected ro
 let moved = true; // something is to be drawn
 let awakeMs = -Infinity; // when the page was hidden last, and seen again
 let clocksMs = null; // wall clock less the page's clock, which stands while the computer sleeps
-let inView = null; // the robot that is driven and was moved to where the drive panel leaves the map free
+let inView = null; // the robot that is driven and was moved to where the map is free
 let fitted = false; // all of the map was shown once; what the user looks at since then is left alone
 
 const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws${location.search}`;
@@ -135,7 +137,9 @@ function actions() {
   const ask = async (command, words) => {
     const robot = store.selected;
     const { error, ok } = await link.command(command);
-    const text = error ? `${words}: ${error.message}${error.hint ? ` (${error.hint})` : ""}` : `${words}: ${done(ok)}`;
+    // Where a button takes control the hint, which is for command lines, says nothing new.
+    const hint = error?.hint && error.code !== "lease_held" ? ` (${error.hint})` : "";
+    const text = error ? `${words}: ${error.message}${hint}` : `${words}: ${done(ok)}`;
     if (robot === store.selected) answer = { text, error: Boolean(error) };
     tell(text);
     return { error, ok };
@@ -182,7 +186,18 @@ function actions() {
       mayTake(error, robot, "Take control and set the pose", () => send(true));
     },
     stop: (robot) => ask({ stop: { robot } }, `Stop of ${robot}`),
-    reset: (robot) => ask({ reset: { robot } }, `Reset of ${robot}`),
+    async reset(robot, take = false) {
+      const { error } = await ask({ reset: { robot, take } }, `Reset of ${robot}`);
+      mayTake(error, robot, "Take control and reset", () => act.reset(robot, true));
+    },
+    takeControl(robot, holder) {
+      const take = () => act.drive(robot, true);
+      offer(`${holder} has control of ${robot}. What it had the robot do ends.`, "Take control and drive", take);
+    },
+    dropHeld() {
+      held = null;
+      changed();
+    },
     resetAll: () => ask({ reset_all: {} }, "Reset of all"),
     cancel: (task) => ask({ cancel: { task } }, `Cancel of ${task}`),
     acknowledge: (ids) => ask({ acknowledge: { ids } }, "Acknowledgement"),
@@ -240,9 +255,16 @@ function actions() {
 // After a refusal because somebody else has control: offers to take it. True = it does.
 function mayTake(error, robot, title, take) {
   const isHeld = error?.code === "lease_held" && robot === store.selected;
-  held = isHeld ? { text: error.message, title, take: () => { held = null; take(); } } : null;
+  held = null;
+  if (isHeld) offer(error.message, title, take);
   changed();
   return isHeld;
+}
+
+// Says who has control, with a button that takes it.
+function offer(text, title, take) {
+  held = { text, title, take: () => { held = null; take(); } };
+  changed();
 }
 
 function done(ok) {
@@ -308,7 +330,7 @@ function drawPanels(nowMs) {
   drawHeader(nowMs);
   render(panels.stops(stop, () => { stop = null; changed(); }), byId("stops"));
   render(panels.tabs(document.documentElement.dataset.tab, store, act), byId("tabs"));
-  render(robotList(store, act), byId("robots"));
+  render(robotList(store, act, nowMs), byId("robots"));
   render(robotPanel(store, act, look), byId("robot"));
   if (tab === "tasks") render(taskPanel(store, act, look), byId("tasks"));
   if (tab === "edit") render(mapPanel(store, editor), byId("edit"));
@@ -379,7 +401,7 @@ function listen(nowMs) {
   changed();
 }
 
-// Moves the map so that the robot that is driven is not under the panel that drives it.
+// Moves the map so that the robot that is driven is not under anything that lies on the map, nor beyond its edge.
 function uncover(nowMs) {
   const robot = store.robots.get(drive.robot);
   if (!robot?.pose) {
@@ -389,16 +411,13 @@ function uncover(nowMs) {
   }
   const { x_m, y_m } = shown(robot, nowMs);
   const [x, y] = view.toScreen(x_m, y_m);
-  const { offsetLeft: left, offsetTop: top, offsetWidth, offsetHeight } = byId("drive");
-  const [right, bottom] = [left + offsetWidth, top + offsetHeight];
-  const near = COVERED_PX;
-  const covered = x > left - near && x < right + near && y > top - near && y < bottom + near;
-  if (view.dragged || (inView === robot.name && !covered)) return;
-  inView = robot.name;
-  // The larger of the two parts: above the panel, and right of it.
   const { width, height } = picture;
-  if (width * top > (width - right) * height) view.bring(x_m, y_m, width / 2, top / 2);
-  else view.bring(x_m, y_m, (right + width) / 2, height / 2);
+  const boxes = boxesOver(canvas);
+  const near = Math.min(MOST_COVERED_PX, Math.max(COVERED_PX, ((robot.body?.length_m ?? 0) / 2) * view.pxPerM));
+  if (view.dragged || (inView === robot.name && !isCovered(x, y, boxes, width, height, near))) return;
+  inView = robot.name;
+  const free = freest(boxes, width, height);
+  view.bring(x_m, y_m, free.x, free.y);
 }
 
 function fit() {
@@ -417,7 +436,8 @@ function fit() {
   fitted = true;
 }
 
-const COVERED_PX = 24; // nearer than this to the drive panel a robot is half under it
+const COVERED_PX = 24; // nearer than this, or than half its length, to a panel or the edge a robot is partly under it
+const MOST_COVERED_PX = 60;
 const GLIDES_MS = 120; // a frame's robots have reached their places by then
 
 function animate(nowMs) {
@@ -444,6 +464,12 @@ theme(byId("theme"), () => {
   changed();
 });
 stopAll();
+window.addEventListener("keydown", (event) => {
+  const typing = event.target.matches?.("input, textarea, select");
+  if (event.key !== "/" || event.ctrlKey || event.altKey || event.metaKey || typing || drive.robot !== null) return;
+  event.preventDefault();
+  focusFilter(act);
+});
 document.addEventListener("visibilitychange", () => {
   answerFrame();
   awakeMs = performance.now();

@@ -2,7 +2,7 @@
 //
 //   released ──press──▶ held ──tick each 50 ms──▶ a setpoint
 //      ▲                  │
-//      └── release, lost focus, hidden page, closed socket, late tick
+//      └── release, lost gamepad, lost focus, hidden page, closed socket, late tick
 //
 // A setpoint comes out of a tick only while an input is held at that moment. A tick that comes late (the
 // page was held up, so a release may be waiting behind it) lets go instead of sending.
@@ -22,11 +22,12 @@ export function isDriveKey(code) {
 export class PressHold {
   #stick = null; // {pointer, x, y}
   #keys = new Set();
+  #pad = null; // {x, y}: of the gamepad, while its deadman button is held
   #lastTickMs = null;
   #seq = 0;
 
   get held() {
-    return this.#stick !== null || this.#keys.size > 0;
+    return this.#stick !== null || this.#keys.size > 0 || this.#pad !== null;
   }
 
   // The stick is at (x, y), each −1..1, + = right and up. Only the pointer that took it moves it.
@@ -54,15 +55,22 @@ export class PressHold {
     this.#keys.delete(code);
   }
 
+  // Where the gamepad's stick is, {x, y}; null = its deadman button is not held.
+  pad(at, nowMs) {
+    if (at !== null) this.#began(nowMs);
+    this.#pad = at;
+  }
+
   releaseAll() {
     this.#stick = null;
+    this.#pad = null;
     this.#keys.clear();
   }
 
   // Where the input is: {x, y}, + = right and up; null while nothing is held.
   at() {
     if (this.#stick) return { x: this.#stick.x, y: this.#stick.y };
-    if (this.#keys.size === 0) return null;
+    if (this.#keys.size === 0) return this.#pad;
     let [x, y] = [0, 0];
     for (const code of this.#keys) {
       y += KEYS[code][0];

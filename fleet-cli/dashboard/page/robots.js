@@ -1,21 +1,20 @@
-// The list of robots, and the panel of the one that is selected.
+// The panel of the robot that is selected, and what resets all that are latched.
 
 import { html, nothing } from "./vendor/lit-html.js";
-import { repeat } from "./vendor/directives/repeat.js";
 import { PLOTS } from "./plots.js";
 import { nearest } from "./store.js";
 import { age, cause, chip, degrees, faultText, line, metres, number, plain, point, reason, standing } from "./words.js";
 
 const RUNNING = ["accepted", "running", "blocked"];
 
-function chipOf(robot) {
+export function chipOf(robot) {
   const [words, tone] = chip(robot);
   return html`<span class="chip ${tone}">${words}</span>`;
 }
 
 // All that is latched at once: asks first. What is stale may be latched or not, and is not counted.
 let asked = false;
-function resetAll(robots, store, act) {
+export function resetAll(robots, store, act) {
   const latched = robots.filter((robot) => robot.latches?.length > 0);
   if (latched.length === 0 || !store.controls()) {
     asked = false;
@@ -40,27 +39,6 @@ function resetAll(robots, store, act) {
       <button type="button" @click=${press(false, false)}>Cancel</button></div></div>`;
 }
 
-export function robotList(store, act) {
-  const robots = [...store.robots.values()];
-  if (robots.length === 0) {
-    return html`<h2>Robots</h2>
-      <p class="empty">${store.frame ? "No robots found. Start robots with robot-agent or fleet-cli sim." : "Searching…"}</p>`;
-  }
-  return html`<h2>Robots (${robots.length})</h2>
-    ${resetAll(robots, store, act)}
-    <ul class="robot-list">
-      ${repeat(robots, (robot) => robot.name, (robot) => html`<li>
-        <button type="button" class="robot-row ${robot.stale ? "is-stale" : ""}" data-robot=${robot.name}
-          aria-pressed=${store.selected === robot.name} @click=${() => act.select(robot.name, true)}>
-          <span class="dot c${robot.colour}" aria-hidden="true"></span>
-          <span class="name">${robot.name}</span>
-          ${chipOf(robot)}
-          <span class="why" title=${line(robot)}>${line(robot)}</span>
-          <span class="age">${robot.stale ? `${age(robot.age_ms)} old` : robot.task ?? ""}</span>
-        </button></li>`)}
-    </ul>`;
-}
-
 export function robotPanel(store, act, look) {
   const robot = store.robot();
   if (!robot) {
@@ -69,7 +47,7 @@ export function robotPanel(store, act, look) {
   return html`
     <div class="title ${robot.stale ? "is-stale" : ""}">
       <span class="dot c${robot.colour}" aria-hidden="true"></span>
-      <h2>${robot.name}</h2>${chipOf(robot)}
+      <h2>${robot.name}</h2>${robot.alias ? html`<span class="alias">${robot.alias}</span>` : nothing}${chipOf(robot)}
       ${robot.tags.map((tag) => html`<span class="chip">${tag}</span>`)}
     </div>
     ${robot.stale ? stale(robot) : html`${latches(robot, store, act)}${why(robot, store)}`}
@@ -125,6 +103,7 @@ function buttons(robot, store, act, look) {
   const [title, off] = [denied ?? nothing, denied !== null];
   const driving = look.driving === robot.name;
   const { held } = look;
+  const holder = robot.stale || robot.lease === store.hello?.client ? null : robot.lease;
   return html`${denied === null ? nothing : html`<p class="box">${denied}.</p>`}<div class="row">
       <button type="button" id="goal-here" title=${title} ?disabled=${off} @click=${act.aim} aria-pressed=${look.tool === "goals"}>Send goals</button>
       <button type="button" id="drive-begin" title=${title} ?disabled=${off || !robot.alive || robot.stale}
@@ -134,8 +113,12 @@ function buttons(robot, store, act, look) {
       ?disabled=${off || !robot.alive || robot.stale} @click=${act.aimPose}>Set pose</button></div>
     ${held
       ? html`<div class="box warn"><p>${held.text}</p><div class="row">
-          <button type="button" class="danger" id="take" @click=${held.take}>${held.title}</button></div></div>`
-      : nothing}
+          <button type="button" class="danger" id="take" @click=${held.take}>${held.title}</button>
+          <button type="button" @click=${act.dropHeld}>Cancel</button></div></div>`
+      : holder === null || driving
+        ? nothing
+        : html`<div class="row"><button type="button" id="take-control" title=${title} ?disabled=${off}
+            @click=${() => act.takeControl(robot.name, holder)}>Take control from ${holder}</button></div>`}
     <div class="row">
       <button type="button" id="stop-one" title=${title} ?disabled=${off} @click=${() => act.stop(robot.name)}>Stop</button>
       <button type="button" class="danger" id="estop-one" @click=${() => act.estop(robot.name)}>E-stop ${robot.name}</button>

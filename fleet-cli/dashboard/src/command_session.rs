@@ -274,7 +274,7 @@ async fn carry_out(client: &Client, known: &[Name], command: Command) -> Result<
         }
         Command::Stop { robot } => execute::stop(client, known, robot).await,
         Command::Estop { robot } => execute::estop(client, known, robot).await,
-        Command::Reset { robot } => execute::reset(client, robot).await,
+        Command::Reset { robot, take } => execute::reset(client, robot, take).await,
         Command::ResetAll {} => execute::reset_all(client).await,
         Command::SpeedLimit { mps } => execute::speed_limit(client, mps).await,
         Command::Submit { spec } => execute::submit(client, *spec).await,

@@ -81,6 +81,9 @@ pub(super) enum Command {
     Reset {
         /// Whose.
         robot: Name,
+        /// Take control from whoever has it.
+        #[serde(default)]
+        take: bool,
     },
     /// End the latched stops of every robot that has any.
     ResetAll {},
@@ -211,7 +214,7 @@ impl Command {
         match self {
             Self::Goto { robot, .. }
             | Self::SetPose { robot, .. }
-            | Self::Reset { robot }
+            | Self::Reset { robot, .. }
             | Self::Teleop { robot, .. } => Some(robot),
             Self::Stop { robot } | Self::Estop { robot } => robot.as_ref(),
             Self::ResetAll {}
@@ -288,6 +291,7 @@ mod tests {
             r#"{"do": {"id": 3, "command": {"estop": {"robot": "xtb-2"}}}}"#,
             r#"{"do": {"id": 4, "command": {"reset": {"robot": "xtb-2"}}}}"#,
             r#"{"do": {"id": 4, "command": {"speed_limit": {"mps": 0.2}}}}"#,
+            r#"{"do": {"id": 4, "command": {"reset": {"robot": "xtb-2", "take": true}}}}"#,
             r#"{"do": {"id": 5, "command": {"submit": {"spec": {"kind": {"wander": {"for_s": 5}}}}}}}"#,
             r#"{"do": {"id": 6, "command": {"cancel": {"task": "t17"}}}}"#,
             r#"{"do": {"id": 7, "command": {"teleop": {"robot": "xtb-1", "take": false}}}}"#,

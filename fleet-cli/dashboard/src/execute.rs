@@ -93,8 +93,8 @@ pub(crate) async fn estop(client: &Client, known: &[Name], robot: Option<Name>) 
 }
 
 /// As `reset`: which latches are ended, and which remain.
-pub(crate) async fn reset(client: &Client, robot: Name) -> Result<Value> {
-    let mut ended = reset::each(client, &[robot], None, false).await;
+pub(crate) async fn reset(client: &Client, robot: Name, take: bool) -> Result<Value> {
+    let mut ended = reset::each(client, &[robot], None, take).await;
     match ended.pop() {
         Some((_, ended)) => value(&ended?),
         None => Ok(json!({})),

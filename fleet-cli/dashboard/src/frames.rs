@@ -86,6 +86,9 @@ struct Suspended {
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 struct Row {
     name: String,
+    /// What people here call it; absent = nothing else.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    alias: Option<String>,
     alive: bool,
     age_ms: Option<u64>,
     stale: bool,
@@ -267,7 +270,8 @@ impl Known {
         self.robots.retain(|name, _| scene.robots().contains_key(name));
         let rows = scene.robots().iter().map(|(name, robot)| {
             let task = scene.task_of(name).map(|task| task.id);
-            self.robots.entry(name.clone()).or_default().row(name, robot, now_ms, task)
+            let row = self.robots.entry(name.clone()).or_default().row(name, robot, now_ms, task);
+            Row { alias: scene.alias(name).map(str::to_owned), ..row }
         });
         let detail = |name| Some(Detail::of(name, scene.robots().get(name)?, now_ms));
         Frame {

@@ -50,7 +50,7 @@ impl Orders {
                 .hint("wait for their answers; for robots that are out of reach this takes some seconds"));
         }
         let takes = match command {
-            Command::Goto { robot, .. } | Command::SetPose { robot, .. } | Command::Reset { robot } => {
+            Command::Goto { robot, .. } | Command::SetPose { robot, .. } | Command::Reset { robot, .. } => {
                 Some(robot)
             }
             _ => None,

@@ -39,10 +39,10 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// No router for a minute, or nobody to stop.
 pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     let client = open(ctx).await?;
-    let targets = args.who.targets();
+    let (targets, unknown) = args.who.targets(&client).await?;
     let calling = estop(&client, &targets, ctx.settings.timeout);
-    let report = tokio::select! {
-        report = stopped::shown(ctx, &client, &args.who, calling, "stopped (latched)") => report?,
+    let exit = tokio::select! {
+        report = stopped::shown(ctx, &client, (&targets, unknown), calling, "stopped (latched)") => report?,
         never = tell_link(ctx, &client) => match never {},
     };
     if !report.all_stopped() {
@@ -55,7 +55,7 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
         }
     }
     client.close().await;
-    Ok(report.exit())
+    Ok(exit)
 }
 
 /// A session. A router that does not answer is tried again: robots may drive meanwhile.

@@ -1,5 +1,6 @@
 //! What `goto` and `wander` share: start a goal, and with `--wait` follow it to its end.
 
+mod several;
 mod task;
 
 pub(super) use task::Task;
@@ -11,8 +12,10 @@ use crate::interrupt::interrupted;
 use crate::json::{LineKind, line_of};
 use crate::output::Progress;
 use schemars::JsonSchema;
+use futures_util::FutureExt;
+use futures_util::future::Shared;
 use serde::Serialize;
-use std::pin::pin;
+use std::pin::{Pin, pin};
 use std::time::{Duration, Instant};
 use xtb_client::goal::{Cancelled, GoalEnd, GoalStep, GoalTarget, GoalWatch, cancel, start, stop_hint};
 use xtb_client::text::reasons;
@@ -40,28 +43,49 @@ struct Report<'a> {
 /// What it prints with `--json`.
 pub(super) const JSON: &[LineKind] = &[line_of::<Report<'_>>];
 
-/// Sends the goal and, if asked to, stays with it.
-pub(super) async fn run(ctx: &Context, task: &Task) -> Result<Exit> {
-    let mut stop = pin!(interrupted());
+/// Ctrl-C, heard by all that run.
+type Stop = Shared<Pin<Box<dyn Future<Output = ()>>>>;
+
+/// Finds out with `find` what to send to whom, sends it and, if asked to, stays with it.
+///
+/// # Errors
+/// No router, or what `find` says; of one robot also no answer or a refusal: of several each one's is said beside its
+/// name.
+pub(super) async fn run(ctx: &Context, find: impl AsyncFnOnce(&Client) -> Result<Vec<Task>>) -> Result<Exit> {
+    let stop: Pin<Box<dyn Future<Output = ()>>> = Box::pin(interrupted());
+    let stop = stop.shared();
     let begun = async {
         let client = Client::open(&ctx.settings).await?;
-        let control = take_control(ctx, &client, &task.robot, task.take).await?;
-        Ok::<_, Error>((client, control))
+        let tasks = find(&client).await?;
+        Ok::<_, Error>((client, tasks))
     };
-    let (client, control) = tokio::select! {
+    let (client, tasks) = tokio::select! {
         begun = begun => begun?,
+        () = stop.clone() => return Err(Error::new(ErrorKind::Interrupted, "interrupted: no goal was sent")),
+    };
+    let exit = match &tasks[..] {
+        [task] => one(ctx, &client, task, stop, Progress::new()).await,
+        tasks => Ok(several::each(ctx, &client, tasks, &stop).await),
+    };
+    client.close().await;
+    exit
+}
+
+async fn one(ctx: &Context, client: &Client, task: &Task, stop: Stop, progress: Progress) -> Result<Exit> {
+    let mut stop = pin!(stop);
+    let control = tokio::select! {
+        control = take_control(ctx, client, &task.robot, task.take) => control?,
         () = &mut stop => {
             let message = format!("interrupted: no goal was sent to {}", task.robot);
             return Err(Error::new(ErrorKind::Interrupted, message));
         }
     };
     let exit = if task.wait {
-        drive(ctx, &client, &control, task, stop).await
+        drive(ctx, client, &control, task, stop, progress).await
     } else {
         send(ctx, &control, task, stop).await
     };
     control.release().await;
-    client.close().await;
     exit
 }
 
@@ -98,7 +122,8 @@ async fn drive(
     client: &Client,
     control: &Control,
     task: &Task,
-    mut stop: std::pin::Pin<&mut impl Future<Output = ()>>,
+    mut stop: Pin<&mut impl Future<Output = ()>>,
+    mut progress: Progress,
 ) -> Result<Exit> {
     let mut watch = GoalWatch::open(client, control).await?;
     let (goal, request) = (watch.goal(), task.request());
@@ -107,7 +132,6 @@ async fn drive(
         // It may have arrived nevertheless.
         () = &mut stop => return cancelled(ctx, control, &watch).await,
     }
-    let mut progress = Progress::new();
     progress.show(&format!("{}: goal {goal}: {}", task.robot, task.target));
     loop {
         let step = tokio::select! {
@@ -320,7 +344,7 @@ mod tests {
         let (task, ctx) = (task(), Context::of(&client));
         let control = Control::acquire(&client, &task.robot, false).await.unwrap();
         let stop = pin!(std::future::pending());
-        let waiting = drive(&ctx, &client, &control, &task, stop);
+        let waiting = drive(&ctx, &client, &control, &task, stop, Progress::new());
         let taking = async {
             fake.until(|fake| fake.state.goal.is_some()).await;
             fake.lock().grant(&name("cli-123456"));
@@ -339,7 +363,8 @@ mod tests {
         let (task, ctx) = (task(), Context::of(&client));
         let control = Control::acquire(&client, &task.robot, false).await.unwrap();
         let stop = pin!(fake.until(|fake| fake.state.goal.is_some()));
-        assert_eq!(drive(&ctx, &client, &control, &task, stop).await, Ok(Exit::Interrupted));
+        let ended = drive(&ctx, &client, &control, &task, stop, Progress::new()).await;
+        assert_eq!(ended, Ok(Exit::Interrupted));
         let goal = fake.lock().state.goal.clone().unwrap();
         assert_eq!(goal.status, GoalStatus::Cancelled);
         assert!(fake.lock().asked.contains(&(name("me"), Body::Cancel { goal: goal.id })));
@@ -352,7 +377,7 @@ mod tests {
         let (task, ctx) = (task(), Context::of(&client));
         let control = Control::acquire(&client, &task.robot, false).await.unwrap();
         let stop = pin!(std::future::pending());
-        let waiting = drive(&ctx, &client, &control, &task, stop);
+        let waiting = drive(&ctx, &client, &control, &task, stop, Progress::new());
         let gap = async {
             fake.until(|fake| fake.state.goal.is_some()).await;
             let mut fake = fake.lock();

@@ -35,9 +35,10 @@ pub struct ListArgs {
 const HEADINGS: [&str; 9] = ["name", "mode", "stopped", "pose", "speed", "battery", "control", "goal", "age"];
 
 /// What makes the table narrower, the least needed first. Name, mode, stopped, battery and goal always stay.
-const NARROWER: [Narrowing; 9] = [
+const NARROWER: [Narrowing; 10] = [
     Narrowing::Drop("start"),
     Narrowing::Drop("tags"),
+    Narrowing::Drop("alias"),
     Narrowing::Shorten("control", 10),
     Narrowing::Drop("age"),
     Narrowing::Drop("speed"),
@@ -75,6 +76,7 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
     // The states last: they age while others are waited for.
     let (alive, states) = client.heard().await?;
     let view = FleetView::of(&ctx.settings.fleet, &alive, &states, &expected).with_roster(&roster);
+    let view = view.with_aliases(&ctx.settings.aliases);
     let view = FleetView { simulator: simulator?, ..view };
     let nobody = !view.robots.iter().any(|robot| robot.alive);
     if nobody && let Some(error) = client.not_admitted().await {
@@ -131,12 +133,16 @@ fn rows(view: &FleetView, problems: Problems) -> Table {
     // Only where the roster knows any.
     let tagged = view.robots.iter().any(|robot| !robot.tags.is_empty());
     let placed = view.robots.iter().any(|robot| robot.start_pose.is_some());
-    let extra = [("tags", tagged), ("start", placed)];
+    let called = view.robots.iter().any(|robot| robot.alias.is_some());
+    let extra = [("alias", called), ("tags", tagged), ("start", placed)];
     let headings = extra.iter().filter(|(_, shown)| *shown).map(|(heading, _)| *heading);
     let mut table = Table::new(&HEADINGS.into_iter().chain(headings).collect::<Vec<_>>());
     for robot in &view.robots {
         let mut cells = row(robot, problems);
         cells.resize(HEADINGS.len(), "".into());
+        if called {
+            cells.push(robot.alias.clone().unwrap_or_default().into());
+        }
         if tagged {
             cells.push(robot.tags.join(" ").into());
         }
@@ -247,6 +253,7 @@ mod tests {
     fn robot(name: &str, state: RobotState) -> RobotView {
         RobotView {
             name: fake::name(name),
+            alias: None,
             alive: true,
             state: Some(state),
             age_ms: Some(30),
@@ -305,6 +312,10 @@ mod tests {
         let text = table(&view, None, &OUT);
         assert!(text.lines().next().unwrap().ends_with("tags      start"), "{text}");
         assert!(text.contains("missing") && text.contains("arm hall  (1.00, 2.00) 0°"), "{text}");
+        view.robots[1].alias = Some("Roter Käfer".into());
+        let text = table(&view, None, &OUT);
+        assert!(text.lines().next().unwrap().contains("alias        tags"), "{text}");
+        assert!(text.lines().nth(2).unwrap().ends_with("Roter Käfer"), "{text}");
         for (factor, said) in [(Some(0.19), true), (Some(0.97), false), (None, false)] {
             view.simulator = Some(SimStats { t_s: 9.0, speed: 1.0, real_time_factor: factor });
             assert_eq!(

@@ -75,9 +75,9 @@ pub enum Verb {
     Why(why::WhyArgs),
     /// Check router, roster, versions, clocks and configs, and show what to do.
     Doctor(doctor::DoctorArgs),
-    /// Send a robot to a point on the map.
+    /// Send robots to a point on the map.
     Goto(goto::GotoArgs),
-    /// Make a robot wander.
+    /// Make robots wander.
     Wander(wander::WanderArgs),
     /// Stop robots: cancels their goals.
     Stop(stop::StopArgs),
@@ -85,7 +85,7 @@ pub enum Verb {
     Estop(estop::EstopArgs),
     /// Reset latched stops whose cause is gone; robots stay stopped until a new command.
     Reset(reset::ResetArgs),
-    /// Set the pose of a stopped robot, when its pose is uncertain or wrong.
+    /// Set the pose of stopped robots, when its pose is uncertain or wrong.
     SetPose(set_pose::SetPoseArgs),
     /// Show, change and save settings of running robots, such as a speed limit.
     Param(param::ParamArgs),
@@ -279,17 +279,6 @@ async fn carry_out(
 
 async fn changing(command: impl Future<Output = Result<Exit>>) -> Result<Exit> {
     or_interrupted_saying(command, "change not confirmed", "`fleet-cli tasks` shows their state").await
-}
-
-/// The robots in the order in which they were named, each once.
-fn once_each(named: &[Name]) -> Vec<Name> {
-    let mut robots: Vec<Name> = Vec::new();
-    for robot in named {
-        if !robots.contains(robot) {
-            robots.push(robot.clone());
-        }
-    }
-    robots
 }
 
 /// Acquires control, and says from whom it was taken.

@@ -1,11 +1,11 @@
 //! `reset`: ends latched stops whose cause is gone. It never moves a robot.
 
-use super::once_each;
 use crate::args::{LeaseArgs, WhoArgs};
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
+use crate::robots;
 use crate::values::latch;
 use clap::Args;
 use std::io::IsTerminal;
@@ -57,7 +57,7 @@ pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
 }
 
 async fn named(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit> {
-    let robots = once_each(&args.who.robots);
+    let robots = robots::meant(client, &args.who.robots).await?.all()?;
     let mut ended = each(client, &robots, args.latch, args.lease.take).await;
     if let [(_, Err(_))] = &ended[..]
         && let Some((_, Err(failure))) = ended.pop()
@@ -151,7 +151,7 @@ fn say(
                 }
                 ctx.out.result(report, |report| text(report, latch, &ctx.out))?;
                 if report.is_refused(latch) {
-                    exit = worse(exit, Exit::Failed);
+                    exit = exit.worse(Exit::Failed);
                 }
                 if let Some(refused) = &report.refused {
                     let hint = format!("`fleet-cli why {robot}` shows the causes and what to do");
@@ -163,21 +163,12 @@ fn say(
                 }
             }
             Err(error) => {
-                let failure = error.clone();
-                exit = worse(exit, Exit::from(failure.kind));
-                let is_named = failure.message.contains(robot.as_str());
-                let whose = if is_named { String::new() } else { format!("{robot}: ") };
-                let message = format!("{whose}{}", failure.message);
-                ctx.out.failure(&Error { message, ..failure });
+                exit = exit.worse(error.kind.into());
+                ctx.out.failure_of(robot, error);
             }
         }
     }
     Ok(exit)
-}
-
-/// What is not known is worse than what has failed.
-fn worse(one: Exit, other: Exit) -> Exit {
-    if other.code() > one.code() { other } else { one }
 }
 
 /// Resets all of a robot's latches with the control that is held; what came of it in words, and whether
@@ -294,12 +285,5 @@ mod tests {
         let ended = each(&client, &both, None, false).await;
         assert!(ended.iter().all(|(_, ended)| ended.as_ref().is_ok_and(|report| !report.is_refused(None))));
         assert!(robots.iter().all(|robot| robot.lock().state.latches.is_empty()));
-    }
-
-    #[test]
-    fn the_worst_of_several_decides_how_the_command_ends() {
-        assert_eq!(worse(Exit::Done, Exit::Failed), Exit::Failed);
-        assert_eq!(worse(Exit::Unknown, Exit::Failed), Exit::Unknown);
-        assert_eq!(worse(Exit::Done, Exit::Done), Exit::Done);
     }
 }

@@ -1,14 +1,16 @@
-//! `set-pose`: tell a robot that stands where it is. It never moves the robot.
+//! `set-pose`: tell robots that stand where they are. It never moves a robot.
 
 use super::take_control;
 use crate::args::LeaseArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
-use crate::point::PointArgs;
-use crate::values::degrees;
+use crate::point::{PointArgs, PointWord};
+use crate::robots::{self, RobotsWord};
+use crate::values::{degrees, metres};
 use clap::Args;
 use schemars::JsonSchema;
+use futures_util::future::join_all;
 use serde::Serialize;
 use std::time::Instant;
 use xtb_client::client::Client;
@@ -25,12 +27,19 @@ use xtb_protocol::{Name, Uuid};
 #[derive(Debug, Clone, Args)]
 #[command(allow_negative_numbers = true)]
 pub struct SetPoseArgs {
-    /// Robot; it must be stopped.
-    #[arg(value_name = "ROBOT", value_parser = Name::robot)]
-    pub robot: Name,
-    /// Where it is.
-    #[command(flatten)]
-    pub at: PointArgs,
+    /// Robot; it must be stopped. Several, with --start: commas between them, and @TAG for all robots of the roster
+    /// that have the tag.
+    #[arg(value_name = "ROBOT", value_parser = RobotsWord::parse)]
+    pub robots: RobotsWord,
+    /// Where it is: east, in m; or a place (`fleet-cli place list`).
+    #[arg(value_name = "X|PLACE", value_parser = PointWord::parse, required_unless_present = "start")]
+    pub point: Option<PointWord>,
+    /// North, in m.
+    #[arg(value_name = "Y", value_parser = metres)]
+    pub y_m: Option<f64>,
+    /// Each robot is at its start pose of the roster.
+    #[arg(long, conflicts_with_all = ["point", "yaw"])]
+    pub start: bool,
     /// Yaw, in degrees counter-clockwise from east [default: the place's, else the current yaw].
     #[arg(long, value_name = "DEGREES", value_parser = degrees)]
     pub yaw: Option<f64>,
@@ -61,17 +70,59 @@ pub(super) const JSON: &[LineKind] = &[line_of::<Report<'_>>];
 /// No router, no answer, or a refusal, as of a robot that is under way; without `--yaw` also a robot whose
 /// state was not heard.
 pub async fn run(ctx: &Context, args: &SetPoseArgs) -> Result<Exit> {
-    let at = args.at.resolve(ctx).await?;
+    let to = args.point.clone().map(|point| PointArgs { point, y_m: args.y_m });
+    to.as_ref().map(PointArgs::written).transpose()?;
     let client = Client::open(&ctx.settings).await?;
-    let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
-    let yaw_rad = args.yaw.map(f64::to_radians).or(at.yaw_rad);
-    let outcome = set_pose(ctx, &client, &control, &args.robot, Waypoint { yaw_rad, ..at }).await;
+    let robots = robots::meant(&client, std::slice::from_ref(&args.robots)).await?.all()?;
+    let exit = match (to, &robots[..]) {
+        (Some(to), [robot]) => {
+            let (at, _) = to.find(&client).await?;
+            let yaw_rad = args.yaw.map(f64::to_radians).or(at.yaw_rad);
+            one(ctx, &client, robot, Waypoint { yaw_rad, ..at }, args.lease.take).await
+        }
+        (Some(_), robots) => {
+            let message = format!("{} robots cannot stand at one point", robots.len());
+            Err(Error::new(ErrorKind::Invalid, message)
+                .hint("--start sets each to its start pose of the roster; else set one after the other"))
+        }
+        (None, robots) => at_start(ctx, &client, robots, args.lease.take).await,
+    };
+    client.close().await;
+    exit
+}
+
+async fn one(ctx: &Context, client: &Client, robot: &Name, at: Waypoint, take: bool) -> Result<Exit> {
+    let control = take_control(ctx, client, robot, take).await?;
+    let outcome = set_pose(ctx, client, &control, robot, at).await;
     let taken_from = control.taken_from().map(str::to_owned);
     control.release().await;
     let report = Report { taken_from: taken_from.as_deref(), ..outcome? };
     ctx.out.result(&report, text)?;
-    client.close().await;
     Ok(Exit::Done)
+}
+
+/// Each robot at its start pose; what comes of it is said of each, and the worst is the command's end.
+async fn at_start(ctx: &Context, client: &Client, robots: &[Name], take: bool) -> Result<Exit> {
+    let roster = client.roster_entries(&[]).await?.unwrap_or_default();
+    let each = robots.iter().map(|robot| {
+        let pose = roster.iter().find(|entry| entry.name == *robot).and_then(|entry| entry.start_pose);
+        async move {
+            let set = match pose {
+                Some(MapPose { x_m, y_m, yaw_rad }) => {
+                    one(ctx, client, robot, Waypoint { x_m, y_m, yaw_rad: Some(yaw_rad) }, take).await
+                }
+                None => {
+                    Err(Error::new(ErrorKind::Invalid, format!("the roster has no start pose of {robot}"))
+                        .hint("write start_pose below its name in the fleet config, or give X and Y"))
+                }
+            };
+            set.unwrap_or_else(|error| {
+                ctx.out.failure_of(robot, &error);
+                Exit::from(error.kind)
+            })
+        }
+    });
+    Ok(join_all(each).await.into_iter().fold(Exit::Done, Exit::worse))
 }
 
 async fn set_pose<'a>(

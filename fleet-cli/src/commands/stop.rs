@@ -23,8 +23,9 @@ pub struct StopArgs {
 /// No router, or nobody to stop.
 pub async fn run(ctx: &Context, args: &StopArgs) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
-    let targets = args.who.targets();
-    let report = stopped::shown(ctx, &client, &args.who, stop(&client, &targets), "stopped").await?;
+    let (targets, unknown) = args.who.targets(&client).await?;
+    let stopping = stop(&client, &targets);
+    let exit = stopped::shown(ctx, &client, (&targets, unknown), stopping, "stopped").await?;
     client.close().await;
-    Ok(report.exit())
+    Ok(exit)
 }

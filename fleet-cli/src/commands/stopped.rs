@@ -1,7 +1,6 @@
 //! What `stop` and `estop` print: who has stopped, who has not said so, and whether these were all.
 
 use super::unknown_robots;
-use crate::args::WhoArgs;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
@@ -10,15 +9,15 @@ use crate::table::{Cell, Table};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::fleet_view::by_number;
-use xtb_client::multi_robot::{MissingInfo, StopOutcome, StopReport};
+use xtb_client::multi_robot::{MissingInfo, StopOutcome, StopReport, Targets};
+use xtb_client::{Error, Result};
 use xtb_protocol::Name;
 
 /// What came of it for all.
 #[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct Report {
+struct Report {
     #[serde(flatten)]
     stopped: StopReport,
     /// Who was named and is unknown to roster and fleet, with who was probably meant.
@@ -28,7 +27,7 @@ pub(super) struct Report {
 
 impl Report {
     /// 0 only if it is complete.
-    pub(super) fn exit(&self) -> Exit {
+    fn exit(&self) -> Exit {
         let refused = self.stopped.robots.values().any(|outcome| *outcome == StopOutcome::Refused);
         match self.stopped.complete {
             true => Exit::Done,
@@ -72,18 +71,23 @@ impl Report {
 /// What it prints with `--json`.
 pub(super) const JSON: &[LineKind] = &[line_of::<Report>];
 
-/// Waits for what `calling` brings, and shows it; `stopped` is what that is called.
+/// Waits for what `calling` brings, shows it, and says how the command ends; `stopped` is what that is called.
+/// Whom it is for comes with the tag that nobody has.
 ///
 /// # Errors
 /// Nobody to stop.
 pub(super) async fn shown(
     ctx: &Context,
     client: &Client,
-    who: &WhoArgs,
+    (targets, unknown): (&Targets, Option<Error>),
     calling: impl Future<Output = (StopReport, MissingInfo)>,
     stopped: &str,
-) -> Result<Report> {
-    let beside = unknown_robots::reported_beside(calling, ctx, client, &who.robots, "sent a stop");
+) -> Result<Exit> {
+    let named = match targets {
+        Targets::Robots(named) => named.as_slice(),
+        Targets::All { .. } => &[],
+    };
+    let beside = unknown_robots::reported_beside(calling, ctx, client, named, "sent a stop");
     let ((found, missing), unknown_robots) = beside.await;
     if found.robots.is_empty() {
         return Err(missing.alive.unwrap_or_else(|| client.nobody()));
@@ -96,7 +100,10 @@ pub(super) async fn shown(
     let report = Report { stopped: found, unknown_robots };
     ctx.out.result(&report, |report| report.table(stopped, &ctx.out))?;
     warn(ctx, &missing);
-    Ok(report)
+    if let Some(error) = &unknown {
+        ctx.out.failure(error);
+    }
+    Ok(unknown.map_or(report.exit(), |error| report.exit().worse(error.kind.into())))
 }
 
 /// Says why nobody can tell whether these were all robots.

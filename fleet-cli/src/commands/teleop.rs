@@ -3,6 +3,8 @@
 //! Every way out ends in zero: letting go, leaving, an error and a lost focus on this side; silence
 //! for 200 ms on the robot's own clock if this side is gone altogether.
 
+mod deadman;
+mod gamepad;
 pub(crate) mod keys;
 mod screen;
 
@@ -16,6 +18,7 @@ use crate::terminal::{Input, Terminal};
 use crate::values::rpm;
 use clap::Args;
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind};
+use gamepad::Gamepads;
 use keys::{Action, Key, Keyboard, Reporting};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -40,11 +43,17 @@ pub struct TeleopArgs {
     /// Maximum wheel speed, in rpm [default: the robot's limit].
     #[arg(long, value_name = "R", value_parser = rpm)]
     pub max_rpm: Option<f64>,
+    /// Drive with a gamepad too: hold a shoulder button (LB or RB) and use the left stick.
+    #[arg(long)]
+    #[cfg_attr(not(feature = "gamepad"), arg(hide = true))]
+    pub gamepad: bool,
     /// Control of the robot.
     #[command(flatten)]
     pub lease: LeaseArgs,
 }
 
+/// The gamepad is looked at so often.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// The screen is painted each second time.
 const PAINT_EVERY: Duration = Duration::from_millis(100);
 
@@ -72,6 +81,7 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
                 "programs publish setpoints on xtb/<fleet>/<robot>/teleop/<client>; see docs/protocol.md",
             ));
     }
+    let mut pads = args.gamepad.then(Gamepads::open).transpose()?;
     let begun = async {
         let client = Client::open(&ctx.settings).await?;
         let control = take_control(ctx, &client, &args.robot, args.lease.take).await?;
@@ -87,7 +97,7 @@ pub async fn run(ctx: &Context, args: &TeleopArgs) -> Result<Exit> {
     };
     let max_rpm = args.max_rpm.unwrap_or(limit).min(limit);
     let wheel = TeleopSession::new(&client, &control, &args.robot, max_rpm);
-    let driven = drive(ctx, wheel).await;
+    let driven = drive(ctx, wheel, &mut pads).await;
     let taken_from = control.taken_from().map(str::to_owned);
     control.release().await;
     client.close().await;
@@ -109,12 +119,16 @@ fn goodbye(report: &Report<'_>) -> String {
 }
 
 /// How many setpoints were sent, and whether the stop after them was confirmed.
-async fn drive(ctx: &Context, mut wheel: TeleopSession<'_>) -> Result<(u64, Option<bool>)> {
+async fn drive(
+    ctx: &Context,
+    mut wheel: TeleopSession<'_>,
+    pads: &mut Option<Gamepads>,
+) -> Result<(u64, Option<bool>)> {
     let feed = StateFeed::open(wheel.client, &wheel.client.keys().robot(wheel.robot)).await?;
     let mut terminal = Terminal::open()?;
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut keyboard = Keyboard::new(reporting);
-    let ended = hands_on(ctx, &mut wheel, &feed, &mut terminal, &mut keyboard).await;
+    let ended = hands_on(ctx, &mut wheel, &feed, &mut terminal, (&mut keyboard, pads)).await;
     let stopped = wheel.let_go(&feed).await;
     ended.map(|()| (wheel.sent, stopped))
 }
@@ -124,11 +138,11 @@ async fn hands_on(
     wheel: &mut TeleopSession<'_>,
     feed: &StateFeed,
     terminal: &mut Terminal,
-    keyboard: &mut Keyboard,
+    (keyboard, pads): (&mut Keyboard, &mut Option<Gamepads>),
 ) -> Result<()> {
     let reporting = if terminal.reports_release() { Reporting::Releases } else { Reporting::Presses };
     let mut stop = pin!(interrupted());
-    let (mut send, mut paint) = (ticks(SEND_EVERY), ticks(PAINT_EVERY));
+    let (mut send, mut paint, mut look) = (ticks(SEND_EVERY), ticks(PAINT_EVERY), ticks(LOOK_EVERY));
     let control = wheel.control;
     let (mut resetting, mut notice): (Option<Resetting<'_>>, _) = (None, String::new());
     loop {
@@ -138,6 +152,7 @@ async fn hands_on(
             () = &mut stop => return Ok(()),
             input = terminal.next() => Turn::Input(input),
             answer = answered(&mut resetting), if resetting.is_some() => Turn::Reset(answer),
+            _ = look.tick(), if pads.is_some() => Turn::Look,
             _ = send.tick() => Turn::Send,
             _ = paint.tick() => Turn::Paint,
         };
@@ -160,6 +175,13 @@ async fn hands_on(
             },
             Turn::Reset(Ok(_)) => "reset; press a key to drive".clone_into(&mut notice),
             Turn::Reset(Err(failure)) => notice = failure.to_string(),
+            Turn::Look => {
+                let before = keyboard.drive(now);
+                keyboard.pad(now, pads.as_mut().and_then(Gamepads::look));
+                if before.throttle != 0.0 && keyboard.drive(now).throttle == 0.0 {
+                    send.reset_immediately();
+                }
+            }
             Turn::Send => {
                 if let Some(failure) = wheel.control.lost() {
                     return Err(lost(wheel, feed, failure));
@@ -202,6 +224,7 @@ async fn answered(resetting: &mut Option<Resetting<'_>>) -> xtb_client::Result<D
 enum Turn {
     Input(Option<Input>),
     Reset(xtb_client::Result<Done>),
+    Look,
     Send,
     Paint,
 }

@@ -2,11 +2,11 @@
 
 mod chain;
 
-use super::once_each;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
+use crate::robots::once_each;
 use chain::{Verdict, Why};
 use clap::Args;
 use futures_util::future::join_all;
@@ -114,6 +114,7 @@ mod tests {
         };
         let robot = RobotView {
             name: fake::name("xtb-1"),
+            alias: None,
             alive: true,
             state: Some(state),
             age_ms: Some(30),

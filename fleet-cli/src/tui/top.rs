@@ -13,6 +13,7 @@ mod alerts;
 mod commands;
 mod detail;
 mod events;
+mod filter;
 mod floor;
 mod frame;
 mod keys;
@@ -33,6 +34,7 @@ use crate::output::Tone;
 use crate::terminal::Input;
 use commands::{Begun, Commands};
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use filter::Filter;
 use floor::Floor;
 use keys::Press;
 use robot_view::{ShownRobot, sights};
@@ -183,6 +185,7 @@ enum Pane {
 pub(crate) struct Cockpit {
     setup: Setup,
     selected: Option<Name>,
+    filter: Filter,
     cursor: Option<Cursor>,
     view: View,
     floor: Option<Floor>,
@@ -210,6 +213,7 @@ impl Cockpit {
         Self {
             setup,
             selected: None,
+            filter: Filter::default(),
             cursor: None,
             view: View::new(),
             floor: None,
@@ -232,6 +236,7 @@ impl Cockpit {
         match input {
             Input::FocusLost => self.let_go(now_ms, "the window lost keyboard focus"),
             Input::Key(key) if self.steers(key, now_ms) => Vec::new(),
+            Input::Key(key) if self.writes(key, scene, now_ms) => Vec::new(),
             Input::Key(key) => match keys::press(key) {
                 Some(press) => self.press(press, scene, now_ms),
                 None => {

@@ -3,6 +3,7 @@
 use fleet_cli::config::FleetConfig;
 use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use xtb_client::ErrorKind;
 use xtb_control::controller::Controller;
 use xtb_control::{Command, Outputs, Sample, Stamp, VehicleConfig};
@@ -16,6 +17,7 @@ struct Printed<'a> {
     fleet: &'a Option<Name>,
     connect: &'a [String],
     robots: &'a [RosterEntry],
+    aliases: &'a BTreeMap<Name, String>,
 }
 
 /// The fleet's config file.
@@ -37,8 +39,8 @@ pub fn fleet_config(bytes: &[u8]) -> bool {
             assert!((-7.0..=7.0).contains(&pose.yaw_rad), "{pose:?}");
         }
     }
-    let FleetConfig { fleet, connect, robots } = &config;
-    let printed = toml::to_string(&Printed { fleet, connect, robots })
+    let FleetConfig { fleet, connect, robots, aliases } = &config;
+    let printed = toml::to_string(&Printed { fleet, connect, robots, aliases })
         .unwrap_or_else(|error| panic!("{config:?}: {error}"));
     let again =
         FleetConfig::parse(&printed).unwrap_or_else(|failure| panic!("{}:\n{printed}", failure.message));

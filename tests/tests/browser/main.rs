@@ -6,13 +6,17 @@
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
 mod alerts;
+mod axe;
+mod crowd;
 mod driver;
 mod driving;
 mod foreign;
+mod gamepad;
 mod hand;
 mod playing;
 mod map;
 mod pose;
+mod many;
 mod signing_in;
 mod tasks;
 

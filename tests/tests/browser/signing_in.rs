@@ -15,7 +15,7 @@ use xtb_dashboard::{Running, Settings, Shown};
 use xtb_identity::Role;
 
 /// A fleet and its page over TLS, for alice, an operator, and bob, a viewer.
-struct Secured {
+pub(super) struct Secured {
     fleet: Fleet,
     identities: PageIdentities,
     dashboard: Running,
@@ -24,7 +24,7 @@ struct Secured {
 }
 
 impl Secured {
-    async fn start() -> Self {
+    pub(super) async fn start() -> Self {
         let starts = vec![(0.0, 0.0, std::f64::consts::FRAC_PI_2)];
         let fleet = Fleet::start(Setup { speed: 1.0, starts, ..Setup::default() }).await;
         let identities = PageIdentities::new();
@@ -37,6 +37,7 @@ impl Secured {
             client: name("dashboard"),
             timeout: PATIENCE,
             robots: Vec::new(),
+            aliases: Default::default(),
         };
         let client = Client::open(&settings).await.unwrap();
         let live = Live::open(&client, Wanted { sensors: true, truth: false }).await.unwrap();
@@ -55,7 +56,12 @@ impl Secured {
         Self { fleet, identities, dashboard, client, _live: live }
     }
 
-    async fn end(self) {
+    /// Where its page is.
+    pub(super) fn url(&self) -> String {
+        self.dashboard.url()
+    }
+
+    pub(super) async fn end(self) {
         self.dashboard.stop().await;
         self.client.close().await;
         self.fleet.end().await;
@@ -63,7 +69,7 @@ impl Secured {
 }
 
 /// Types a token and goes on, whatever comes of it.
-async fn show(browser: &Browser, token: &str) {
+pub(super) async fn show(browser: &Browser, token: &str) {
     let field = browser.page.wait().for_element(Locator::Css("#token")).await.unwrap();
     field.clear().await.unwrap();
     field.send_keys(token).await.unwrap();
@@ -71,7 +77,7 @@ async fn show(browser: &Browser, token: &str) {
 }
 
 /// Signs in, and waits until the page shows the robot.
-async fn sign_in(browser: &Browser, name: &str) {
+pub(super) async fn sign_in(browser: &Browser, name: &str) {
     show(browser, &token(name)).await;
     at(browser, "/").await;
     browser.until("the robot", "return [...store.robots.values()].some((robot) => !robot.stale)").await;

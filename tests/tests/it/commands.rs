@@ -339,3 +339,65 @@ fn a_change_of_the_served_map_is_in_its_file_and_in_its_history() {
     drop(serving);
     assert_eq!(told(&run(&["map", "history", path]).1), whys);
 }
+
+#[test]
+fn several_robots_are_sent_stopped_and_set_by_tag_each_with_its_own_result() {
+    let sim = sim(&["--robots", "3", "--speed", "8"]);
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("fleet.toml");
+    let roster = |number: u32, tags: &str| {
+        let pose = format!("{{ x_m = {}.0, y_m = 7.0, yaw_rad = 0.5 }}", 3 * number);
+        format!("[[robots]]\nname = \"xtb-{number}\"\ntags = [{tags}]\nstart_pose = {pose}\n")
+    };
+    let robots = [roster(1, "\"red\""), roster(2, "\"@red\", \"arm\""), roster(3, "")].concat();
+    std::fs::write(&config, format!("{robots}[aliases]\nxtb-2 = \"Red Fox\"\n")).unwrap();
+    let lines = |arguments: &[&str]| {
+        let mut command = fleet_cli(&["--connect", &sim.endpoint, "--config"]);
+        let output = command.arg(&config).args(arguments).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let lines = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect::<Vec<Value>>();
+        (output.status.code().unwrap(), lines, String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let of = |lines: &[Value], robot: &str| lines.iter().find(|line| line["robot"] == robot).cloned();
+
+    let (code, refused, _) = lines(&["goto", "@red", "1", "3"]);
+    let error = &refused[0]["error"];
+    assert_eq!((code, &error["message"]), (2, &"2 robots cannot stand at one point".into()));
+    assert!(error["hint"].as_str().unwrap().contains("--spread"), "{error}");
+
+    let (code, reached, said) = lines(&["goto", "@red", "1", "3", "--spread=1.5", "--wait"]);
+    assert_eq!((code, reached.len()), (0, 2), "{reached:?} {said}");
+    let at = |robot: &str| {
+        let (_, status, _) = lines(&["status", robot]);
+        let pose = &status[0]["robots"][0]["state"]["pose"];
+        (pose["x_m"].as_f64().unwrap(), pose["y_m"].as_f64().unwrap())
+    };
+    let (one, two) = (at("xtb-1"), at("xtb-2"));
+    assert!((one.0 - two.0).hypot(one.1 - two.1) > 0.8, "{one:?} {two:?}");
+
+    let (code, sent, said) = lines(&["goto", "xtb-1,xtb-9", "0", "5", "--spread"]);
+    assert_eq!((code, sent.len()), (3, 2), "{sent:?} {said}");
+    assert_eq!(of(&sent, "xtb-1").unwrap()["status"], "accepted");
+    assert_eq!(of(&sent, "xtb-9").unwrap()["error"]["code"], "outcome_unknown");
+
+    let (code, wandering, said) = lines(&["wander", "xtb-2", "xtb-3"]);
+    assert_eq!((code, wandering.len()), (0, 2), "{said}");
+    let (code, stopped, said) = lines(&["stop", "@red"]);
+    let expected = serde_json::json!({ "xtb-1": "stopped", "xtb-2": "stopped" });
+    assert_eq!((code, &stopped[0]["robots"]), (0, &expected), "{said}");
+    // A tag that nobody has keeps nobody else from being stopped.
+    let (code, stopped, _) = lines(&["estop", "xtb-3", "@rde"]);
+    assert_eq!((code, &stopped[0]["robots"]["xtb-3"]), (2, &"stopped".into()), "{stopped:?}");
+    assert_eq!(stopped[1]["error"]["hint"], "tags of the roster: @arm (1), @red (2)");
+
+    let (code, refused, _) = lines(&["set-pose", "@red", "1", "2"]);
+    assert_eq!((code, &refused[0]["error"]["code"]), (2, &"usage".into()));
+    let (code, set, said) = lines(&["set-pose", "@red", "--start"]);
+    assert_eq!((code, set.len()), (0, 2), "{set:?} {said}");
+    assert_eq!(of(&set, "xtb-2").unwrap()["pose"]["x_m"], 6.0, "{set:?}");
+
+    let (_, listed, _) = lines(&["list"]);
+    let aliases: Vec<_> =
+        listed[0]["robots"].as_array().unwrap().iter().map(|robot| &robot["alias"]).collect();
+    assert_eq!(aliases, [&Value::Null, &"Red Fox".into(), &Value::Null]);
+}

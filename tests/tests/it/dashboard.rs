@@ -41,6 +41,7 @@ impl Rig {
             client: name("dashboard"),
             timeout: PATIENCE,
             robots: Vec::new(),
+            aliases: Default::default(),
         };
         let ctx =
             Context { settings, connect_given: true, out: fleet_cli::Output { json: true, colors: false } };

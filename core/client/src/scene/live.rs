@@ -135,6 +135,7 @@ impl Live {
     /// [`ErrorKind::Failed`](crate::ErrorKind::Failed): Zenoh would not.
     pub async fn open(client: &Client, wanted: Wanted) -> Result<Self> {
         let mut scene = Scene::new(client.fleet().clone());
+        scene.set_aliases(client.settings().aliases.clone());
         client.told_entries(&[]).into_iter().for_each(|entry| scene.expect(entry));
         let scene = Arc::new(Shared::new(scene));
         let into = Arc::clone(&scene);

@@ -85,6 +85,11 @@ fn the_roster_makes_rows_for_those_who_are_missing() {
     scene.take(0, &key("xtb/lab/sim/roster"), Roster { robots: vec![entry.clone()] }.into());
     let robot = &scene.robots()[&own("xtb-7")];
     assert_eq!((robot.alive, &robot.roster, &robot.state), (false, &Some(entry), &None));
+    // A simulator's roster, which has no tags, takes none away.
+    let bare = RosterEntry { name: own("xtb-7"), tags: Vec::new(), start_pose: None };
+    scene.take(0, &key("xtb/lab/sim/roster"), Roster { robots: vec![bare] }.into());
+    let kept = scene.robots()[&own("xtb-7")].roster.as_ref().unwrap();
+    assert_eq!(kept.tags, ["red"]);
     let truth = Truth { t_s: 1.0, robots: BTreeMap::new() };
     scene.take(5, &key("xtb/lab/sim/truth"), truth.clone().into());
     assert_eq!(scene.truth(), Some(&Seen { at_ms: 5, value: truth }));

@@ -183,7 +183,7 @@ def _config() -> dict[str, Any]:
     config = _toml(path)
     robots = config.get("robots", [])
     good = (
-        config.keys() <= {"fleet", "connect", "robots"}
+        config.keys() <= {"fleet", "connect", "robots", "aliases"}
         and isinstance(config.get("fleet", ""), str)
         and _texts(config.get("connect", []))
         and isinstance(robots, list)

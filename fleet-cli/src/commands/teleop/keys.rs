@@ -11,6 +11,7 @@
 //! ```
 //! While it stands nothing is sent, so that watching is not commanding.
 
+use super::deadman::{Deadman, Pad};
 use xtb_client::teleop::Drive;
 use xtb_control::Stamp;
 
@@ -72,6 +73,8 @@ pub(crate) struct Keyboard {
     moving: bool,
     /// When the terminal last told of a key.
     heard: Stamp,
+    /// The hand on a gamepad.
+    pad: Deadman,
 }
 
 impl Keyboard {
@@ -85,6 +88,7 @@ impl Keyboard {
             ending: None,
             moving: false,
             heard: Stamp::ZERO,
+            pad: Deadman::default(),
         }
     }
 
@@ -107,6 +111,14 @@ impl Keyboard {
         }
     }
 
+    /// What the gamepad says; `None` = there is none. While its deadman button is held, it drives instead of keys.
+    pub(super) fn pad(&mut self, now: Stamp, pad: Option<Pad>) {
+        self.pad.read(now, pad);
+        if self.pad.drive().is_some() {
+            self.heard = now;
+        }
+    }
+
     fn pulse(&mut self, now: Stamp, key: Key) {
         match key {
             Key::Ahead => self.pulse = Some((1.0, now.plus_ms(PULSE_MS))),
@@ -121,10 +133,14 @@ impl Keyboard {
     pub(crate) fn let_go(&mut self) {
         self.held = [false; 4];
         self.pulse = None;
+        self.pad.let_go();
     }
 
     /// What is asked for at `now`.
     pub(crate) fn drive(&self, now: Stamp) -> Drive {
+        if let Some(drive) = self.pad.drive() {
+            return drive;
+        }
         let [ahead, astern, left, right] = self.held.map(|held| f64::from(u8::from(held)));
         match self.reporting {
             Reporting::Releases => Drive { throttle: ahead - astern, steering: right - left },
@@ -254,6 +270,26 @@ mod tests {
         assert_eq!(keys.send(at(9000)), Some(Drive { throttle: -1.0, steering: 0.75 }));
         keys.key(at(9001), Key::Stop, Action::Press);
         assert_eq!(keys.send(at(9001)), Some(ZERO));
+    }
+
+    #[test]
+    fn a_gamepad_drives_while_its_button_is_held_and_its_end_means_zero_at_once() {
+        let mut keys = Keyboard::new(Reporting::Presses);
+        let pad = |deadman, changes| Some(Pad { deadman, x: 0.0, y: 1.0, changes });
+        keys.pad(at(0), pad(false, 0));
+        assert_eq!(keys.send(at(10)), None);
+        for n in 1..=200 {
+            keys.pad(at(20 * n), pad(true, n));
+            assert_eq!(keys.send(at(20 * n)), Some(AHEAD));
+        }
+        keys.pad(at(4020), None);
+        assert_eq!((keys.send(at(4020)), keys.send(at(4400))), (Some(ZERO), None), "unplugged");
+        keys.pad(at(5000), pad(false, 500));
+        keys.pad(at(5020), pad(true, 501));
+        assert_eq!(keys.send(at(5020)), Some(AHEAD));
+        keys.key(at(5030), Key::Stop, Action::Press);
+        keys.pad(at(5040), pad(true, 502));
+        assert_eq!(keys.send(at(5040)), Some(ZERO), "space takes the hand off the gamepad too");
     }
 
     #[test]

@@ -20,7 +20,7 @@ impl Cockpit {
         let look = self.setup.look;
         let standing = sight.standing();
         let width = usize::from(area.width);
-        let name = format!(" {} ", sight.name);
+        let name = format!(" {} ", shortened(&sight.title(), width / 2));
         let headline = shortened(&headline(sight, standing), width.saturating_sub(text_width(&name)));
         let name = Span::styled(name, look.tone(Tone::Strong));
         let mut lines = vec![Line::from(vec![name, Span::styled(headline, look.tone(standing.tone()))])];

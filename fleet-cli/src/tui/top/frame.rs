@@ -26,6 +26,7 @@ const HINTS: Hints = &[
     ("c cancel", 9),
     ("w why", 10),
     ("v tasks", 11),
+    ("/ filter", 12),
     ("s S stop", 2),
     ("e E E-STOP", 0),
     ("q quit", 1),
@@ -38,6 +39,7 @@ const PLAYING_HINTS: Hints = &[
     ("w why", 5),
     ("v tasks", 6),
     ("f follow", 7),
+    ("/ filter", 8),
     ("q quit", 0),
 ];
 const READING_HINTS: Hints = &[
@@ -48,8 +50,11 @@ const READING_HINTS: Hints = &[
     ("f follow", 5),
     ("+/- zoom", 6),
     ("a all", 7),
+    ("/ filter", 8),
     ("q quit", 0),
 ];
+/// While the filter is written.
+const TYPING_HINTS: &str = "E E-STOP  S stop all  Enter keep  Esc clear  Tab select";
 const BETWEEN_HINTS: &str = "  ";
 
 impl Cockpit {
@@ -206,8 +211,11 @@ impl Cockpit {
             _ => HINTS,
         };
         let keys = Rect { x: areas.keys.x + 1, width: areas.keys.width.saturating_sub(1), ..areas.keys };
-        let hints = hints_within(hints, usize::from(keys.width));
-        frame.render_widget(Line::styled(hints, look.tone(Tone::Dim)), keys);
+        let (hints, tone) = match self.filter.typing {
+            true => (format!("/{}_   {TYPING_HINTS}", self.filter.text), Tone::Strong),
+            false => (hints_within(hints, usize::from(keys.width)), Tone::Dim),
+        };
+        frame.render_widget(Line::styled(hints, look.tone(tone)), keys);
     }
 }
 

@@ -30,6 +30,7 @@ impl Cockpit {
             Press::Back | Press::Teleop if self.grip.is_some() => {
                 return self.let_go(now_ms, "by the driver");
             }
+            Press::Back if !self.filter.text.is_empty() => self.filter = Filter::default(),
             Press::Back => return self.leave(now_ms),
             Press::Help => self.toggle(Modal::Help),
             Press::Why => self.toggle(Modal::Why),
@@ -48,6 +49,7 @@ impl Cockpit {
             Press::Follow => self.view.follow(),
             Press::Pan(east, north) => self.view.pan(east, north),
             _ if self.grip.is_some() => self.commands.tell(now_ms, Tone::Warning, LET_GO_FIRST),
+            Press::Filter => (self.over, self.filter.typing) = (None, true),
             Press::Step(by) => self.step(&sights, by),
             Press::Number(number) => self.select_number(&sights, number),
             Press::Cursor(right, up, many) => return self.arrow(&sights, right, up, many),
@@ -116,7 +118,9 @@ impl Cockpit {
         }
     }
 
+    /// In the table's order.
     pub(super) fn step(&mut self, sights: &[ShownRobot<'_>], by: isize) {
+        let sights = self.listed(sights);
         let at = sights.iter().position(|sight| Some(sight.name) == self.selected.as_ref());
         let Some(at) = at else { return };
         let count = isize::try_from(sights.len()).unwrap_or(1);

@@ -35,6 +35,8 @@ pub(super) enum Press {
     Details,
     /// The open alerts are seen.
     Acknowledge,
+    /// Write what the table is filtered by.
+    Filter,
     /// The keys.
     Help,
     /// Select so many robots further on.
@@ -113,6 +115,7 @@ fn letter(c: char) -> Option<Press> {
         'v' => Press::Pane,
         'd' => Press::Details,
         'o' => Press::Acknowledge,
+        '/' => Press::Filter,
         '?' | 'h' => Press::Help,
         'j' => Press::Step(1),
         'k' => Press::Step(-1),

@@ -12,6 +12,7 @@ const KEYS: &[(&str, &str)] = &[
     ("e / E", "E-STOP the selected robot / ALL: latched until reset"),
     ("s / S", "stop the selected robot / all"),
     ("Tab j k 0-9", "select a robot"),
+    ("/", "filter: name, number, @tag or state; Enter keeps, Esc ends it"),
     ("arrows", "cursor, with shift by 5 cells; g puts it on the robot"),
     ("Enter", "send the robot to the cursor; it continues if you quit"),
     ("r R u", "yaw on arrival: left, right, any"),
@@ -31,6 +32,7 @@ const PLAYING_KEYS: &[(&str, &str)] = &[
     ("space", "pause or continue"),
     ("left right", "5 s back or forward; with shift 60 s"),
     ("Tab j k 0-9", "select a robot"),
+    ("/", "filter: name, number, @tag or state; Enter keeps, Esc ends it"),
     ("w", "why it is stopped, and what to do"),
     ("v", "events or tasks; d: each event of a drive"),
     ("+ - a f", "map: zoom in, out, all, follow the robot"),
@@ -52,6 +54,7 @@ impl Cockpit {
     ) {
         let (title, lines) = match &self.over {
             None => return,
+            Some(Modal::Question(_)) if self.filter.typing => return,
             Some(Modal::Help) => (" keys ".to_owned(), self.help()),
             Some(Modal::Why) => match self.sight(sights) {
                 Some(sight) => (format!(" why {} ", sight.name), explained(*sight, scene)),

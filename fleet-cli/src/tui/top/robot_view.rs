@@ -63,6 +63,8 @@ impl Standing {
 pub(super) struct ShownRobot<'a> {
     /// Whose.
     pub(super) name: &'a Name,
+    /// What people here call it.
+    pub(super) alias: Option<&'a str>,
     /// Its row, and so its colour.
     pub(super) row: usize,
     /// Everything that was ever heard.
@@ -82,6 +84,7 @@ pub(super) fn sights<'a>(scene: &'a Scene, only: &[Name], now_ms: AtMs) -> Vec<S
     robots.sort_by_key(|(name, _)| by_number(name));
     let sight = |(row, (name, robot)): (usize, (&'a Name, &'a Robot))| ShownRobot {
         name,
+        alias: scene.alias(name),
         row,
         robot,
         state: robot.state.as_ref().and_then(|seen| seen.fresh(now_ms)),
@@ -95,6 +98,11 @@ impl ShownRobot<'_> {
     /// Whether what is shown of it is its last and not what is now.
     pub(super) fn is_old(&self) -> bool {
         matches!(self.standing(), Standing::Stale | Standing::Gone)
+    }
+
+    /// Its name, and its alias if it has one.
+    pub(super) fn title(&self) -> String {
+        self.alias.map_or_else(|| self.name.to_string(), |alias| format!("{} {alias}", self.name))
     }
 
     /// How it stands with it.
@@ -151,6 +159,7 @@ impl ShownRobot<'_> {
     pub(super) fn to_view(self) -> RobotView {
         RobotView {
             name: self.name.clone(),
+            alias: None,
             // One that is heard is there, whatever its presence says.
             alive: self.robot.alive || self.state.is_some(),
             state: self.state.cloned(),

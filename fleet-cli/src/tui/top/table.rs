@@ -3,6 +3,7 @@
 use super::robot_view::{ShownRobot, UNKNOWN, age};
 use super::*;
 use crate::text::width::shortened;
+use crate::text::width::text_width;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Rect};
 use ratatui::style::Modifier;
@@ -13,6 +14,8 @@ use xtb_protocol::messages::{BatteryLevel, RobotState};
 
 /// From this width on reasons are written out.
 const LONG_WHY: u16 = 34;
+/// From this width of the table on aliases stand beside the names.
+const ALIASES_FROM: u16 = 64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Column {
@@ -77,17 +80,26 @@ impl Cockpit {
     /// The table, with the selected robot in sight.
     pub(super) fn draw_table(&self, frame: &mut Frame<'_>, area: Rect, sights: &[ShownRobot<'_>]) {
         let look = self.setup.look;
-        let name = sights.iter().map(|sight| sight.name.as_str().len()).max().unwrap_or(5).clamp(5, 16);
+        let (all, fitting) = (sights.len(), self.fitting(sights));
+        let sights = self.listed(sights);
+        let title = |sight: &ShownRobot<'_>| match area.width >= ALIASES_FROM {
+            true => sight.title(),
+            false => sight.name.to_string(),
+        };
+        let most = if area.width >= ALIASES_FROM { 30 } else { 16 };
+        let name = sights.iter().map(|sight| text_width(&title(sight))).max().unwrap_or(5).clamp(5, most);
         let columns = columns(area.width, u16::try_from(name).unwrap_or(16));
         let room = usize::from(area.height.saturating_sub(1)).max(1);
         let at = sights.iter().position(|sight| Some(sight.name) == self.selected.as_ref()).unwrap_or(0);
         let first = (at + 1).saturating_sub(room).min(sights.len().saturating_sub(room));
         let more = sights.len().saturating_sub(room);
-        let rows = sights.iter().skip(first).take(room).map(|sight| self.row(sight, &columns));
+        let rows = sights.iter().skip(first).take(room).map(|sight| self.row(sight, &title(sight), &columns));
         let mut header: Vec<Cell<'_>> = columns
             .iter()
             .map(|(column, title, _)| match column {
-                Column::Name => Cell::from(format!(" {title}")),
+                Column::Name if self.filter.text.is_empty() => Cell::from(format!(" {title}")),
+                Column::Name => Cell::from(format!("/{}", self.filter.text)),
+                Column::Why if fitting < all => Cell::from(format!("why ({fitting} of {all})")),
                 Column::Why if more > 0 => Cell::from(format!("why (+{more} rows)")),
                 _ => Cell::from(*title),
             })
@@ -102,11 +114,19 @@ impl Cockpit {
         frame.render_widget(Table::new(rows, widths).header(header).column_spacing(1), area);
     }
 
-    fn row(&self, sight: &ShownRobot<'_>, columns: &[(Column, &'static str, u16)]) -> Row<'static> {
+    fn row(
+        &self,
+        sight: &ShownRobot<'_>,
+        title: &str,
+        columns: &[(Column, &'static str, u16)],
+    ) -> Row<'static> {
         let look = self.setup.look;
         let selected = Some(sight.name) == self.selected.as_ref();
         let cells = columns.iter().map(|(column, _, width)| {
-            let (text, tone) = cell(sight, *column, *width);
+            let (text, tone) = match column {
+                Column::Name => (title.to_owned(), Tone::Plain),
+                _ => cell(sight, *column, *width),
+            };
             let style = look.tone(tone);
             match column {
                 Column::Name => {
@@ -128,7 +148,7 @@ fn cell(sight: &ShownRobot<'_>, column: Column, width: u16) -> (String, Tone) {
         sight.state.map_or_else(|| (UNKNOWN.to_owned(), Tone::Dim), text)
     };
     match column {
-        Column::Name => (sight.name.to_string(), Tone::Plain),
+        Column::Name => (sight.title(), Tone::Plain),
         Column::Mode => known(|state| (reasons::name(&state.mode), Tone::Plain)),
         Column::Speed => known(|state| match state.speed_mps {
             Some(mps) => (fixed(mps, 2), Tone::Plain),

@@ -2,6 +2,7 @@
 
 mod alerts;
 mod drawing;
+mod filtering;
 mod pressing;
 
 use super::*;

@@ -8,7 +8,15 @@ use xtb_protocol::messages::{FaultState, InputAges, LeaseState, LinkLoss};
 
 fn view(state: RobotState) -> RobotView {
     let name = state.robot.clone();
-    RobotView { name, alive: true, state: Some(state), age_ms: Some(30), tags: Vec::new(), start_pose: None }
+    RobotView {
+        name,
+        alias: None,
+        alive: true,
+        state: Some(state),
+        age_ms: Some(30),
+        tags: Vec::new(),
+        start_pose: None,
+    }
 }
 
 fn kinds(why: &Why) -> Vec<Kind> {
