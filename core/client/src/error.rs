@@ -3,7 +3,7 @@
 use crate::text::reasons;
 use std::fmt;
 use xtb_bus::BusError;
-use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, ParamCode, MapEditCode, RejectCode};
+use xtb_protocol::messages::{DispatchCode, DispatchError, ErrorBody, MapEditCode, ParamCode, RejectCode};
 
 /// Kinds of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,11 +7,10 @@ use thiserror::Error;
 use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, AckRequest, DispatchRequest, Estop, Event, Fix, FleetHomes, FleetAlerts, FleetMap, FleetPlaces,
-    HistoryRequest, IdentityStatus, LogRequest, MapEdit, 
-    MapHistory, Message, NearState, ParamRequest, Request, RobotState, Roster, Route,
-    Sensors, Setpoint, SimStats,
-    StandbyRequest, TaskEvent, TaskList, TrafficState, Truth,
+    About, AckRequest, DispatchRequest, Estop, Event, Fix, FleetAlerts, FleetHomes, FleetMap, FleetPlaces,
+    HistoryRequest, IdentityStatus, LogRequest, MapEdit, MapHistory, Message, NearState, ParamRequest,
+    Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent, TaskList,
+    TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
 

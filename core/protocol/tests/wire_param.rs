@@ -38,11 +38,7 @@ fn name(text: &str) -> Name {
 fn questions_about_settings() {
     let id = Uuid::from_u128(0x1122);
     let lease = Some(Lease { epoch: 7, root: 3 });
-    pinned(
-        &ParamRequest { id, lease, body: ParamBody::Set { values: vec![limit(0.25)] } },
-        "SET",
-        "SET",
-    );
+    pinned(&ParamRequest { id, lease, body: ParamBody::Set { values: vec![limit(0.25)] } }, "SET", "SET");
     pinned(&ParamRequest { id, lease: None, body: ParamBody::List {} }, "LIST", "LIST");
     pinned(&ParamRequest { id, lease: None, body: ParamBody::Save {} }, "SAVE", "SAVE");
 }
@@ -61,14 +57,8 @@ fn answers_about_settings() {
         careful: ParamCareful::Lower,
         about: "Fast.".into(),
     };
-    let change = ParamChange {
-        tick_ms: 1000,
-        age_ms: 20,
-        by: name("bob"),
-        name: "a.b".into(),
-        from: 1.0,
-        to: 0.25,
-    };
+    let change =
+        ParamChange { tick_ms: 1000, age_ms: 20, by: name("bob"), name: "a.b".into(), from: 1.0, to: 0.25 };
     let list = ParamList { params: vec![param], changes: vec![change] };
     pinned(&ParamReply { id, result: ParamOutcome::Ok(list) }, "OK", "OK");
     pinned(&ParamReply::refused(id, ParamCode::Driving, "no", "stop"), "ERROR", "ERROR");

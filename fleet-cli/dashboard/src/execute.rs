@@ -16,8 +16,8 @@ use xtb_client::{Error, ErrorKind, Result};
 use xtb_client::{estop, params, stop};
 use xtb_control::frames::wrap_rad;
 use xtb_protocol::messages::{
-    AckBody, AckRequest, Body, DispatchBody, HistoryPlace, HistoryReply, HistoryRequest, LinkLoss, ParamValue, TaskId,
-    TaskSpec, Via,
+    AckBody, AckRequest, Body, DispatchBody, HistoryPlace, HistoryReply, HistoryRequest, LinkLoss,
+    ParamValue, TaskId, TaskSpec, Via,
 };
 use xtb_protocol::{Name, Uuid};
 

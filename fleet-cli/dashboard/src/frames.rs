@@ -15,9 +15,9 @@ use xtb_nav::geometry::path::Piece;
 use xtb_nav::map::places_hash;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    About, BatteryLevel, Fault, FleetAlerts, FleetMap, GoalKind, GoalStatus, Latch, MapContent, MapHash, MapPlace,
-    ObstacleView, RobotState, RouteState, Sensors, StopReason, Suspension, SuspensionCause, TaskId, TaskList,
-    TiltState, Track,
+    About, BatteryLevel, Fault, FleetAlerts, FleetMap, GoalKind, GoalStatus, Latch, MapContent, MapHash,
+    MapPlace, ObstacleView, RobotState, RouteState, Sensors, StopReason, Suspension, SuspensionCause, TaskId,
+    TaskList, TiltState, Track,
 };
 
 /// Between two points of a path that is drawn, in m.

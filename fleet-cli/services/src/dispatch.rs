@@ -20,8 +20,8 @@ pub mod usage;
 pub use observer::{ObserverCounters, ObserverSettings};
 
 use crate::ledger;
-use schemars::JsonSchema;
 use observer::Observer;
+use schemars::JsonSchema;
 use serde::Serialize;
 use standby_link::StandbyLink;
 use std::path::Path;

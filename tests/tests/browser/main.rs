@@ -13,10 +13,10 @@ mod driving;
 mod foreign;
 mod gamepad;
 mod hand;
-mod playing;
-mod map;
-mod pose;
 mod many;
+mod map;
+mod playing;
+mod pose;
 mod signing_in;
 mod tasks;
 

@@ -11,8 +11,8 @@ mod dispatch;
 mod event;
 mod fault;
 mod goal;
-mod home;
 mod history;
+mod home;
 mod identity;
 mod latch;
 mod log;
@@ -48,11 +48,11 @@ pub use dispatch::{
 pub use event::{Event, EventKind};
 pub use fault::{Fault, FaultState};
 pub use goal::{GoalEnd, GoalKind, GoalState, GoalStatus};
-pub use home::{FleetHomes, HomeStatus, RobotHome};
 pub use history::{
     HistoryEvent, HistoryKind, HistoryPlace, HistoryReply, HistoryRequest, MAX_HISTORY_PAGE, MAX_SEARCH,
     RobotReport, StopCount,
 };
+pub use home::{FleetHomes, HomeStatus, RobotHome};
 pub use identity::IdentityStatus;
 pub use latch::{Latch, LatchState, STOP_SWITCH};
 pub use log::{LogCode, LogFile, LogReply, LogRequest, MAX_LOG_NAME, MAX_LOGS, MAX_PIECE, RecordingName};

@@ -133,7 +133,11 @@ async fn victims(pki: &Pki, router: &str, effects: &Effects) -> Vec<Box<dyn std:
             ],
             &[],
         ),
-        ("tasks", &["all/estop/*"], &["dispatch/cmd/*", "dispatch/ack/*", "dispatch/standby/*", "map/edit/*"]),
+        (
+            "tasks",
+            &["all/estop/*"],
+            &["dispatch/cmd/*", "dispatch/ack/*", "dispatch/standby/*", "map/edit/*"],
+        ),
     ] {
         let session = client(pki, who, router).await;
         for key in hears {
