@@ -266,8 +266,8 @@ mod tests {
         let mut settings = xtb_client::Settings::new("lab").unwrap();
         settings.identity =
             identity.map(|identity| Enrolled { folder: "/etc/xtb/dashboard".into(), identity });
-        let home: None, out = Output { json: true, colors: false };
-        Context { settings, connect_given: false, observer: Default::default(), out }
+        let out = Output { json: true, colors: false };
+        Context { settings, connect_given: false, home: None, observer: Default::default(), out }
     }
 
     fn identity(name: &str, role: Role, page: Option<Page>) -> Identity {
