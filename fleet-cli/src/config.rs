@@ -40,6 +40,12 @@ pub struct FleetConfig {
     pub robots: Vec<RosterEntry>,
     /// When the dispatcher sends robots to docks and parking places; `None` = never.
     pub home: Option<HomeConfig>,
+    /// When the dispatcher calls for a person, and how.
+    pub alerts: AlertsConfig,
+    /// How much history it keeps.
+    pub history: HistoryConfig,
+    /// What people here call robots, for screens only.
+    pub aliases: BTreeMap<Name, String>,
 }
 
 /// The section `home`.
@@ -57,12 +63,6 @@ impl From<HomeConfig> for HomeRules {
     fn from(HomeConfig { settings, robots }: HomeConfig) -> Self {
         Self { settings, homes: robots }
     }
-    /// When the dispatcher calls for a person, and how.
-    pub alerts: AlertsConfig,
-    /// How much history it keeps.
-    pub history: HistoryConfig,
-    /// What people here call robots, for screens only.
-    pub aliases: BTreeMap<Name, String>,
 }
 
 impl FleetConfig {
@@ -229,7 +229,11 @@ mod tests {
             ("conect = []", "unknown key conect", "did you mean connect?"),
             ("[[robots]]\nnme = 'a'", "unknown key robots[0].nme", "did you mean robots[0].name?"),
             ("[[robots]]\nname = 'a'\nstart_pose = { x = 1 }", "robots[0].start_pose.x", "x_m"),
-            ("zzz = 1", "unknown key zzz", "known here: fleet, connect, robots, home, alerts, history, aliases"),
+            (
+                "zzz = 1",
+                "unknown key zzz",
+                "known here: fleet, connect, robots, home, alerts, history, aliases",
+            ),
             ("[alerts]\nblocked = 5", "unknown key alerts.blocked", "did you mean alerts.blocked_s?"),
         ] {
             let failure = FleetConfig::parse(text).unwrap_err();

@@ -8,10 +8,10 @@ use std::time::Duration;
 use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_client::fleet_view::by_number;
+use xtb_dispatch::HomeRules;
 use xtb_services::alert_outlets::OutletSettings;
 use xtb_services::dispatch::store::Store;
 use xtb_services::dispatch::usage::Usage;
-use xtb_dispatch::HomeRules;
 use xtb_services::dispatch::{DispatchService, Floor, ObserverSettings, Standing};
 use xtb_simulator::Simulator;
 
