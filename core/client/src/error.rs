@@ -86,6 +86,10 @@ impl ErrorKind {
             Self::NoDispatcher => "start one with `fleet-cli dispatch serve`",
             Self::OutcomeUnknown => "`fleet-cli list` and `fleet-cli tasks` show what has become of it",
             Self::Refused(_) => "`fleet-cli why ROBOT` shows what keeps a robot from it",
+            Self::ParamRefused(_) => {
+                "`fleet-cli param list ROBOT` shows settings, ranges and when they may change"
+            }
+            Self::NotEdited(_) => "`fleet-cli map history` shows what has changed, by whom and why",
             Self::NotDispatched(_) => "`fleet-cli dispatch status` shows how the dispatcher stands",
             Self::NotAllowed | Self::NotAdmitted => "`fleet-cli doctor` shows this computer's identity",
             Self::PortTaken => "end the other program, or choose another port",

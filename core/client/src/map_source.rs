@@ -94,13 +94,13 @@ impl<M: Message + Send + Sync + 'static> Source<M> {
     }
 
     /// Waits for the next one.
-    pub async fn next(&mut self) -> Arc<FleetMap> {
+    pub async fn next(&mut self) -> Arc<M> {
         loop {
             if self.newest.changed().await.is_err() {
                 std::future::pending::<()>().await;
             }
-            if let Some(map) = self.newest.borrow_and_update().clone() {
-                return map;
+            if let Some(newest) = self.newest.borrow_and_update().clone() {
+                return newest;
             }
         }
     }
