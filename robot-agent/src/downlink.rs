@@ -12,7 +12,8 @@ use tokio::sync::mpsc;
 use xtb_bus::{Bus, BusError, Incoming, Question, Service, Subscription};
 use xtb_protocol::keys::{FleetKeys, Key, Name, RobotKeys};
 use xtb_protocol::messages::{
-    Estop, ParamCode, ParamOutcome, ParamReply, ParamRequest, ParamValue, RejectCode, Reply, Request, Setpoint,
+    Estop, ParamCode, ParamOutcome, ParamReply, ParamRequest, ParamValue, RejectCode, Reply, Request,
+    Setpoint,
 };
 use xtb_protocol::wire::CodecError;
 use xtb_protocol::{Uuid, codec};

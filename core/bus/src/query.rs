@@ -9,8 +9,8 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};
 use xtb_protocol::messages::{
-    DispatchReply, FleetHomes, FleetMap, FleetPlaces, LogReply, Message, ParamReply, Reply, Request, Roster, StandbyReply, TaskList,
-    Truth,
+    DispatchReply, FleetHomes, FleetMap, FleetPlaces, LogReply, Message, ParamReply, Reply, Request, Roster,
+    StandbyReply, TaskList, Truth,
 };
 use xtb_protocol::wire::{self, CodecError};
 use zenoh::query::{ConsolidationMode, Query, QueryTarget, Reply as Answer};

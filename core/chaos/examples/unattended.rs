@@ -23,7 +23,9 @@ fn main() {
     let number = |n, default| std::env::args().nth(n).and_then(|text| text.parse().ok()).unwrap_or(default);
     let (hours, seed) = (number(1, 12), number(2, 1));
     let began = Instant::now();
-    println!("| hour | goals | patrols | charges | parked | least charge | driven | contacts | stuck | failed |");
+    println!(
+        "| hour | goals | patrols | charges | parked | least charge | driven | contacts | stuck | failed |"
+    );
     println!("| ---: | ---: | ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: |");
     let figures =
         spend(&Day { minutes: hours * 60, seed, capacity_mah: 3000.0, kill_each: 97, show: each_hour });

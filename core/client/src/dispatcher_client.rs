@@ -16,8 +16,8 @@ use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{
     Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
-    DispatchStatus, FleetHomes, Message, StandbyReply, StandbyRequest, Suspension, SuspensionCause, TaskChange,
-    TaskHistory, TaskId, TaskSpec, Waypoint,
+    DispatchStatus, FleetHomes, Message, StandbyReply, StandbyRequest, Suspension, SuspensionCause,
+    TaskChange, TaskHistory, TaskId, TaskSpec, Waypoint,
 };
 use xtb_protocol::wire::CodecError;
 

@@ -7,9 +7,9 @@ use thiserror::Error;
 use xtb_bus::Incoming;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{
-    About, DispatchRequest, Estop, Event, Fix, FleetHomes, FleetMap, FleetPlaces, IdentityStatus, LogRequest, Message,
-    NearState, ParamRequest, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyRequest, TaskEvent,
-    TaskList, TrafficState, Truth,
+    About, DispatchRequest, Estop, Event, Fix, FleetHomes, FleetMap, FleetPlaces, IdentityStatus, LogRequest,
+    Message, NearState, ParamRequest, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats,
+    StandbyRequest, TaskEvent, TaskList, TrafficState, Truth,
 };
 use xtb_protocol::wire::CodecError;
 

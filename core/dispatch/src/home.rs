@@ -140,8 +140,7 @@ impl Charge {
             _ => None,
         };
         let held = self.below_since_ms.is_some_and(|since_ms| now_ms.saturating_sub(since_ms) >= HOLD_MS);
-        self.is_below =
-            held || (self.is_below && volts.is_some_and(|volts| volts < now_v + HYSTERESIS_V));
+        self.is_below = held || (self.is_below && volts.is_some_and(|volts| volts < now_v + HYSTERESIS_V));
         self.need = match level {
             BatteryLevel::Finish | BatteryLevel::Critical => Some(Need::Now),
             BatteryLevel::Ok | BatteryLevel::Warn if self.is_below => Some(Need::Now),
@@ -186,7 +185,10 @@ impl Charge {
 pub fn levels_of(about: &About) -> BatteryLevels {
     let value = |name: &str, usual: f64| {
         let found = about.vehicle.iter().find(|parameter| parameter.name == name);
-        found.and_then(|parameter| parameter.value.parse().ok()).filter(|v: &f64| v.is_finite()).unwrap_or(usual)
+        found
+            .and_then(|parameter| parameter.value.parse().ok())
+            .filter(|v: &f64| v.is_finite())
+            .unwrap_or(usual)
     };
     let usual = BatteryLevels::default();
     BatteryLevels {

@@ -5,8 +5,8 @@
 use serde::{Serialize, de::DeserializeOwned};
 use xtb_control::Mode;
 use xtb_protocol::messages::{
-    BatteryLevel, DispatchCode, Fault, GoalStatus, HomeStatus, Latch, LogCode, MapCell, ParamCode, RejectCode, Rejected, StopReason,
-    TaskState,
+    BatteryLevel, DispatchCode, Fault, GoalStatus, HomeStatus, Latch, LogCode, MapCell, ParamCode,
+    RejectCode, Rejected, StopReason, TaskState,
 };
 
 const DOC: &str = include_str!("../../../docs/protocol.md");

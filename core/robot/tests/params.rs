@@ -6,7 +6,8 @@ mod bench;
 
 use bench::*;
 use xtb_protocol::messages::{
-    Body, Lease, ParamBody, ParamCode, ParamInfo, ParamList, ParamOutcome, ParamReply, ParamRequest, ParamValue,
+    Body, Lease, ParamBody, ParamCode, ParamInfo, ParamList, ParamOutcome, ParamReply, ParamRequest,
+    ParamValue,
 };
 use xtb_protocol::{Name, Uuid};
 

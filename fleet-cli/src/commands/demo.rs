@@ -139,7 +139,8 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
 async fn accompanied(ctx: &Context, args: &DemoArgs, simulator: &Simulator) -> Result<Option<Vec<Leg>>> {
     let scratch = Scratch::new();
     let dispatcher =
-        EmbeddedDispatcher::start(ctx, simulator, Store::open(scratch.path(), &ctx.settings.fleet)?, None).await?;
+        EmbeddedDispatcher::start(ctx, simulator, Store::open(scratch.path(), &ctx.settings.fleet)?, None)
+            .await?;
     let driven = drive(ctx, args, simulator).await;
     dispatcher.stop().await?;
     driven

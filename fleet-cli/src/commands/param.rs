@@ -164,7 +164,10 @@ pub async fn run(ctx: &Context, args: &ParamArgs) -> Result<Exit> {
     let exit = asked.iter().find_map(|(_, done)| done.as_ref().err().map(|error| Exit::from(error.kind)));
     let report = Report { robots: asked.into_iter().map(|(robot, done)| (robot, report(done))).collect() };
     let history = matches!(&args.verb, ParamVerb::List(args) if args.history);
-    ctx.out.result(&report, |report| if history { changes(report, &ctx.out) } else { table(report, &ctx.out) })?;
+    ctx.out.result(
+        &report,
+        |report| if history { changes(report, &ctx.out) } else { table(report, &ctx.out) },
+    )?;
     Ok(exit.unwrap_or(Exit::Done))
 }
 
@@ -271,7 +274,8 @@ fn changes(report: &Report, out: &Output) -> String {
 
 fn with_refusals(table: String, report: &Report, out: &Output) -> String {
     let refused = |(robot, of): (&Name, &RobotReport)| Some(refusal(robot, of.error.as_ref()?, out));
-    let mut lines = if report.robots.values().any(|of| of.error.is_none()) { vec![table] } else { Vec::new() };
+    let mut lines =
+        if report.robots.values().any(|of| of.error.is_none()) { vec![table] } else { Vec::new() };
     lines.extend(report.robots.iter().filter_map(refused));
     lines.join("\n")
 }

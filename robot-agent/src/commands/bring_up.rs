@@ -19,8 +19,8 @@ mod simulated;
 mod truck;
 
 use super::calibrate::bench::Bench;
-use super::calibrate::console::{Console, Input};
 use super::calibrate::calibrated;
+use super::calibrate::console::{Console, Input};
 use super::{Failure, print, run, tell};
 use crate::cli::{BringUpArgs, CalibrateArgs, Settings};
 use dialogue::{Chore, Question, Verdict, Wrong};

@@ -103,8 +103,7 @@ fn what_was_changed_is_saved_into_the_robots_own_file_and_its_recording_replays(
     let bytes = std::fs::read(&recording).unwrap();
     let changes = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
     let changes = changes.filter(|message| message.channel.topic.ends_with("/params"));
-    let changes: Vec<Value> =
-        changes.map(|message| serde_json::from_slice(&message.data).unwrap()).collect();
+    let changes: Vec<Value> = changes.map(|message| serde_json::from_slice(&message.data).unwrap()).collect();
     assert_eq!(changes.len(), 1, "{changes:?}");
     assert_eq!((&changes[0]["name"], &changes[0]["to"]), (&json!(LIMIT), &json!(0.25)));
     let audit = fleet_cli(&["audit"]).arg(&recording).output().unwrap();
@@ -112,7 +111,8 @@ fn what_was_changed_is_saved_into_the_robots_own_file_and_its_recording_replays(
     assert!(told.contains(&format!("set {LIMIT} from 1 to 0.25")), "{audit:?}");
     // The robot starts with it.
     let _again = agent(&sim, folder.path());
-    while sim.run(&["param", "get", "limit_mps", "xtb-1"]).1["robots"]["xtb-1"]["params"][0]["value"] != 0.25 {
+    while sim.run(&["param", "get", "limit_mps", "xtb-1"]).1["robots"]["xtb-1"]["params"][0]["value"] != 0.25
+    {
         assert!(Instant::now() < give_up, "the robot does not start with what was saved");
     }
 }

@@ -14,8 +14,8 @@ use xtb_nav::rooms::Draw;
 use xtb_protocol::Name;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
-    Assignment, DispatchBody, DispatchRequest, GoalStatus, MapPlace, NEXT_LEG, Request, TaskId, TaskKind, TaskSpec,
-    TaskState, Waypoint,
+    Assignment, DispatchBody, DispatchRequest, GoalStatus, MapPlace, NEXT_LEG, Request, TaskId, TaskKind,
+    TaskSpec, TaskState, Waypoint,
 };
 use xtb_sim::{STEP_NS, Sequential, World};
 

@@ -236,9 +236,10 @@ impl Watch {
                 self.figures.driven_m[n] += way(robot.last);
             }
             robot.last = at;
-            let drives = state.goal.as_ref().is_some_and(|goal| {
-                matches!(goal.status, GoalStatus::Running | GoalStatus::Blocked)
-            });
+            let drives = state
+                .goal
+                .as_ref()
+                .is_some_and(|goal| matches!(goal.status, GoalStatus::Running | GoalStatus::Blocked));
             if !drives || way(robot.from) > WAY_M {
                 (robot.from, robot.since_s) = (at, at_s);
             } else if at_s - robot.since_s > STUCK_S {
@@ -294,8 +295,7 @@ impl Watch {
 /// Packs of a fifth of the charge: five times as many visits to docks as in a real hour.
 #[test]
 fn a_fleet_that_nobody_attends_to_works_charges_and_comes_back() {
-    let figures =
-        spend(&Day { minutes: 60, seed: 22, capacity_mah: 600.0, kill_each: 41, show: |_| {} });
+    let figures = spend(&Day { minutes: 60, seed: 22, capacity_mah: 600.0, kill_each: 41, show: |_| {} });
     figures.check();
     assert!(figures.charges.iter().all(|charges| *charges >= 2), "{figures:#?}");
     assert!(figures.goals >= 60 && figures.patrols >= 2 && figures.parked >= 1, "{figures:#?}");

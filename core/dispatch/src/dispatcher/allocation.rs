@@ -174,7 +174,12 @@ impl Dispatcher {
             let incapable = robot.incapable.get(&id).cloned();
             let unmeasured = || unmeasured(robot).filter(|_| measured).map(str::to_owned);
             let at_home = || robot.stays_for.clone().filter(|_| !self.is_own(task));
-            let reason = busy.or(incapable).or_else(unavailable).or_else(at_home).or_else(no_member).or_else(unmeasured)?;
+            let reason = busy
+                .or(incapable)
+                .or_else(unavailable)
+                .or_else(at_home)
+                .or_else(no_member)
+                .or_else(unmeasured)?;
             Some(format!("{}: {reason}", robot.name))
         });
         let mut reasons: Vec<String> = reasons.collect();

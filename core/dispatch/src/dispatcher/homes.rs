@@ -73,7 +73,8 @@ impl Dispatcher {
     fn look_at_batteries(&mut self, now_ms: u64, rules: &HomeRules) {
         let places = self.places.as_deref().unwrap_or_default();
         for robot in self.robots.values_mut() {
-            let Some(observed) = robot.observed.as_ref().filter(|_| robot.last_heard_ms + self.settings.silent_ms > now_ms)
+            let Some(observed) =
+                robot.observed.as_ref().filter(|_| robot.last_heard_ms + self.settings.silent_ms > now_ms)
             else {
                 continue;
             };
@@ -96,8 +97,7 @@ impl Dispatcher {
                 let (priority, on_link_loss) =
                     if charges { (MAX_PRIORITY, LinkLoss::Finish) } else { (0, LinkLoss::Halt) };
                 let kind = TaskKind::Goto { to: place };
-                let spec =
-                    TaskSpec { priority, who: Who::Robot(robot), on_link_loss, ..TaskSpec::new(kind) };
+                let spec = TaskSpec { priority, who: Who::Robot(robot), on_link_loss, ..TaskSpec::new(kind) };
                 let (by, key) = (self.identity.me.clone(), self.new_id());
                 let change = Change::Queued { not_before_ms: 0, failed: false };
                 let records = vec![

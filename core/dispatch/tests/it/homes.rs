@@ -23,7 +23,10 @@ fn docks() -> Vec<MapPlace> {
 }
 
 fn rules() -> HomeRules {
-    HomeRules { settings: HomeSettings { park_after_s: 30.0, ..HomeSettings::default() }, ..HomeRules::default() }
+    HomeRules {
+        settings: HomeSettings { park_after_s: 30.0, ..HomeSettings::default() },
+        ..HomeRules::default()
+    }
 }
 
 /// Robots with full batteries, in a room with these places.
@@ -216,7 +219,10 @@ fn an_idle_robot_parks_and_leaves_for_the_next_task() {
     let task = bench.submit(goto(3.0, 0.0));
     bench.run_ms(1_500);
     assert_eq!(bench.robot_of(task), Some(0), "{:?}", bench.reason(task));
-    assert_eq!((bench.state(drive), bench.reason(drive)), (TaskState::Cancelled, "there is a task for it".into()));
+    assert_eq!(
+        (bench.state(drive), bench.reason(drive)),
+        (TaskState::Cancelled, "there is a task for it".into())
+    );
     bench.run_ms(60_000);
     assert_eq!(bench.robots[0].at, (0.0, -5.0));
     bench.run_ms(60_000);

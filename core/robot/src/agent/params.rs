@@ -107,7 +107,11 @@ impl Params {
         }
         let table = new.parameters();
         if let Err(error) = xtb_control::config::validate(&table) {
-            return Err((ParamCode::OutOfRange, error.to_string(), "`fleet-cli param list` shows the ranges"));
+            return Err((
+                ParamCode::OutOfRange,
+                error.to_string(),
+                "`fleet-cli param list` shows the ranges",
+            ));
         }
         let fits = new.validate().and_then(|()| new.validate_for(&self.vehicle));
         fits.map_err(|error| {
@@ -215,9 +219,12 @@ impl Agent {
             )),
             None => {
                 let holder = self.lease.holder().map(|holder| format!(", which {holder} has"));
-                let message =
-                    format!("this change needs control of the robot{}", holder.unwrap_or_default());
-                Err((ParamCode::LeaseRequired, message, "acquire control first; only a lower speed needs none"))
+                let message = format!("this change needs control of the robot{}", holder.unwrap_or_default());
+                Err((
+                    ParamCode::LeaseRequired,
+                    message,
+                    "acquire control first; only a lower speed needs none",
+                ))
             }
         }
     }

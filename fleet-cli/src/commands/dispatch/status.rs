@@ -119,7 +119,9 @@ fn of_homes(homes: &FleetHomes, out: &Output) -> Vec<String> {
     };
     match homes.active {
         false => Vec::new(),
-        true if homes.robots.is_empty() => vec!["docks    no robot at a dock or on the way to one".to_owned()],
+        true if homes.robots.is_empty() => {
+            vec!["docks    no robot at a dock or on the way to one".to_owned()]
+        }
         true => [format!("docks    {} robots", homes.robots.len())]
             .into_iter()
             .chain(homes.robots.iter().map(line))

@@ -6,9 +6,9 @@ use crate::table::{Cell, Table};
 use std::time::Duration;
 use xtb_client::Result;
 use xtb_client::client::Client;
+use xtb_dispatch::HomeRules;
 use xtb_services::dispatch::store::Store;
 use xtb_services::dispatch::usage::Usage;
-use xtb_dispatch::HomeRules;
 use xtb_services::dispatch::{DispatchService, Floor, Standing};
 use xtb_simulator::Simulator;
 

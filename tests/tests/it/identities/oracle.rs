@@ -48,8 +48,16 @@ const DRIVE: &[Line] = &[
 ];
 const ROBOT: &[Line] = &[
     ("in", "put", "n/{state,state/json,sensors,event,near/*,event/@adv/**,event/json,event/json/@adv/**}"),
-    ("in", "declare_queryable", "n/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event/json/@adv/**}"),
-    ("in", "reply", "n/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event,event/json/@adv/**,event/json}"),
+    (
+        "in",
+        "declare_queryable",
+        "n/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event/json/@adv/**}",
+    ),
+    (
+        "in",
+        "reply",
+        "n/{state,about,cmd/*,estop/*,log/*,param/*,event/@adv/**,event,event/json/@adv/**,event/json}",
+    ),
     ("in", "liveliness_token", "n/{alive,event/@adv/**,event/json/@adv/**}"),
     ("in", "declare_subscriber", "n/{teleop/*,estop/*,fix,route} all/estop/* map */near/*"),
     ("in", "query", "n/state map"),

@@ -192,7 +192,8 @@ impl<'a> Round<'a> {
             return is_charged.then(|| "its battery is charged".to_owned());
         }
         let works = self.of.store.on(name).is_some_and(|task| !self.of.is_own(task));
-        (charge.need.is_none() && (works || self.has_work(robot))).then(|| "there is a task for it".to_owned())
+        (charge.need.is_none() && (works || self.has_work(robot)))
+            .then(|| "there is a task for it".to_owned())
     }
 
     /// Whether a task waits that this robot may do.
@@ -231,7 +232,9 @@ impl<'a> Round<'a> {
         if !self.can_drive(robot) || (need == Need::AfterTask && busy.is_some()) {
             return;
         }
-        let mine = |place: &MapPlace| is_dock_of(self.rules, place, name) && robot.charge.may_use(self.now_ms, &place.name);
+        let mine = |place: &MapPlace| {
+            is_dock_of(self.rules, place, name) && robot.charge.may_use(self.now_ms, &place.name)
+        };
         let why = low_words(robot);
         if self.resting.contains(name) {
             return self.stay(robot, format!("{why}: its last drive to a dock failed or was cancelled"));
@@ -280,7 +283,10 @@ impl<'a> Round<'a> {
         robot.is_online(self.now_ms, &of.settings)
             && of.membership(robot).is_ok()
             && robot.other_holder(&of.identity.me).is_none()
-            && robot.observed.as_ref().is_some_and(|observed| observed.unavailable.is_none() && ours(observed))
+            && robot
+                .observed
+                .as_ref()
+                .is_some_and(|observed| observed.unavailable.is_none() && ours(observed))
     }
 
     /// The nearest of these places that is nobody else's.
@@ -348,7 +354,8 @@ impl<'a> Round<'a> {
     /// Whether the robot could be charged there.
     fn is_of(&self, robot: &TrackedRobot, place: &Name) -> bool {
         let is_its = |of: &&MapPlace| is_dock_of(self.rules, of, &robot.name);
-        self.places.iter().any(|of| of.name == *place && is_its(of)) && robot.charge.may_use(self.now_ms, place)
+        self.places.iter().any(|of| of.name == *place && is_its(of))
+            && robot.charge.may_use(self.now_ms, place)
     }
 
     /// A robot without anything to do goes out of the way.

@@ -60,9 +60,11 @@ impl Dispatcher {
         if let Some(need) = charge.need {
             let works = self.store.on(&robot.name).map(|task| task.id);
             return Some(match (&observed.unavailable, need, works, &robot.stays_for) {
-                (Some(unavailable), ..) => {
-                    (HomeStatus::NeedsHelp, None, format!("{}, and it cannot drive: {unavailable}", low_words(robot)))
-                }
+                (Some(unavailable), ..) => (
+                    HomeStatus::NeedsHelp,
+                    None,
+                    format!("{}, and it cannot drive: {unavailable}", low_words(robot)),
+                ),
                 (None, ..) if rests => {
                     let why = "its last drive to a dock failed or was cancelled";
                     (HomeStatus::NeedsHelp, None, format!("{}: {why}", low_words(robot)))
@@ -71,7 +73,9 @@ impl Dispatcher {
                     (HomeStatus::AfterTask, None, format!("{}: to a dock after {task}", low_words(robot)))
                 }
                 (None, _, _, Some(why)) => (HomeStatus::WaitsForDock, None, why.clone()),
-                (None, ..) => (HomeStatus::WaitsForDock, None, format!("{}: no dock is free", low_words(robot))),
+                (None, ..) => {
+                    (HomeStatus::WaitsForDock, None, format!("{}: no dock is free", low_words(robot)))
+                }
             });
         }
         let rests = |place: &&MapPlace| matches!(place.kind, PlaceKind::Parking | PlaceKind::Waiting);
