@@ -1,6 +1,6 @@
 //! `[alerts]` and `[history]` of the fleet config: when the dispatcher calls for a person, how, and what it keeps.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Duration;
 use xtb_client::{Error, ErrorKind, Result};
@@ -32,7 +32,7 @@ const MAX_RULE_S: f64 = 86_400.0;
 const MAX_OUTLET_S: f64 = 600.0;
 
 /// From which level on a battery is an alert.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BatteryRule {
     /// Never.
@@ -46,7 +46,7 @@ pub enum BatteryRule {
 }
 
 /// When there is an alert, and who is told beside the screens. Times in s; 0 = the rule is off.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AlertsConfig {
     /// A stop is latched.
@@ -97,7 +97,7 @@ impl Default for AlertsConfig {
 }
 
 /// How much history is kept; the oldest goes first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HistoryConfig {
     /// Days.
