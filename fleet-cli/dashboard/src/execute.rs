@@ -228,6 +228,21 @@ mod tests {
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_pose_is_set_within_a_turn_and_the_lease_is_given_back() {
+        let client = Client::alone(PATIENT).await;
+        let fake = FakeRobot::start(&client, "xtb-1").await;
+        let set = set_pose(&client, name("xtb-1"), [1.0, -2.0, 4.0], false).await.unwrap();
+        assert_eq!((&set["status"], &set["taken_from"]), (&json!("set"), &Value::Null));
+        let fake = fake.lock();
+        let turned = 4.0 - std::f64::consts::TAU;
+        let is = |body: &Body| {
+            matches!(body, Body::SetPose { x_m: 1.0, y_m: -2.0, yaw_rad } if (yaw_rad - turned).abs() < 1e-9)
+        };
+        assert!(fake.asked.iter().any(|(_, body)| is(body)), "{:?}", fake.asked);
+        assert_eq!(fake.lease, None);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn a_robot_that_somebody_controls_is_not_sent_anywhere() {
         let client = Client::alone(PATIENT).await;
         let fake = FakeRobot::start(&client, "xtb-1").await;

@@ -29,7 +29,7 @@ async fn a_task_is_made_of_points_on_the_map_put_aside_cancelled_and_begun_again
     let running = "const task = store.tasks?.tasks[0];
         return task?.state === 'running' && task.spec.kind.patrol.points.length === 2
             && Math.abs(task.spec.deadline_ms - Date.now() - 90 * 60000) < 60000
-            && document.querySelector('.task-list .more').textContent.includes('due ');";
+            && document.querySelector('.task-list .more')?.textContent.includes('due ') === true;";
     browser.until("the task runs", running).await;
     fleet.until(1, "a goal of the task's", |state| state.goal.is_some()).await;
     let state = |wanted: &str| format!("return store.tasks.tasks[0].state === '{wanted}'");

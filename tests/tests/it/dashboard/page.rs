@@ -136,7 +136,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin> Page<S> {
             "teleop" => self.teleop = value,
             "happenings" => self.happenings.extend(value.as_array().unwrap().iter().cloned()),
             "answer" => self.answers.push(value),
-            "tasks" => {}
+            "tasks" | "places" | "map_content" => {}
             other => panic!("what is {other}?"),
         }
         Some(())

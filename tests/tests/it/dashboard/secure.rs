@@ -292,6 +292,7 @@ async fn a_viewer_may_call_an_emergency_stop_and_nothing_else() {
     let why = "bob is a viewer: may look and call an emergency stop";
     assert_eq!(page.hello["why_not"], why);
     let spec = json!({ "kind": { "wander": { "for_s": 5 } } });
+    let base = json!({ "map": "0000000000000001", "places": "0000000000000002" });
     for command in [
         json!({ "goto": { "robot": "xtb-1", "x_m": 0.0, "y_m": 1.0, "take": true } }),
         json!({ "stop": { "robot": null } }),
@@ -301,6 +302,11 @@ async fn a_viewer_may_call_an_emergency_stop_and_nothing_else() {
         json!({ "speed_limit": { "mps": 0.2 } }),
         json!({ "submit": { "spec": spec } }),
         json!({ "cancel": { "task": "t1" } }),
+        json!({ "pause": { "task": "t1" } }),
+        json!({ "resume": { "task": "t1" } }),
+        json!({ "retry": { "task": "t1" } }),
+        json!({ "set_pose": { "robot": "xtb-1", "x_m": 0.0, "y_m": 1.0, "yaw_rad": 0.0, "take": true } }),
+        json!({ "edit_map": { "base": base, "zones": [], "places": [], "why": "all away" } }),
         json!({ "activate": {} }),
         json!({ "adopt": {} }),
         json!({ "teleop": { "robot": "xtb-1", "take": true } }),
