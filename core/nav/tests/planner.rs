@@ -263,7 +263,7 @@ fn settings_that_make_no_search_are_refused() {
 
 #[test]
 fn a_car_that_looks_one_way_only_is_never_driven_the_other_way() {
-    let grid = Room::Cluttered.grid(1);
+    let grid = Room::Open.grid(1);
     let settings = PlannerSettings::default();
     for gears in [Gears { ahead: true, astern: false }, Gears { ahead: false, astern: true }] {
         let space = GridSpace::new(&Layers::map(&grid), Car { gears, ..TRUCK }, LookOut::TRUCK).unwrap();
@@ -277,7 +277,7 @@ fn a_car_that_looks_one_way_only_is_never_driven_the_other_way() {
                 found += 1;
             }
         }
-        assert!(found >= 20, "{gears:?}: {found} of 40");
+        assert!(found >= 25, "{gears:?}: {found} of 40");
         let straight = Piece { length_m: if gears.ahead { -0.1 } else { 0.1 }, curvature_per_m: 0.0 };
         let start = draw.free_pose(&space).unwrap();
         assert!(!space.drives(&start, &straight) && !space.may_drive_all(&start, &[straight]));

@@ -131,7 +131,6 @@ pub(super) fn board() -> Vec<Seed> {
         ("encoder", line.encoder(23)),
         ("adc", line.adc(&adc(), Some(7200))),
         ("adc_no_battery", line.adc(&adc(), None)),
-        ("wide_adc", line.wide_adc(&adc(), Some(7200))),
         ("remote", line.remote(&remote)),
         ("status", line.status(&status)),
         ("pwm", line.pwm(&pwm())),
@@ -145,7 +144,7 @@ pub(super) fn board() -> Vec<Seed> {
     seeds.push(("no_end.line".to_owned(), vec![0x11; 100]));
     // What stands in a frame: type, sequence, numbers.
     let agents = [(0x10, 10), (0x18, 11), (0x19, 1), (0x1A, 1)];
-    let boards = [(0x11, 1), (0x12, 19), (0x13, 3), (0x14, 4), (0x15, 6), (0x16, 7)];
+    let boards = [(0x11, 1), (0x12, 19), (0x13, 3), (0x14, 4), (0x15, 6), (0x16, 7), (0x17, 23)];
     for (kind, words) in agents.into_iter().chain(boards) {
         let mut body = vec![kind, 1];
         body.extend([0xA6, 0x0E].repeat(words)); // 3750, a neutral pulse

@@ -72,10 +72,10 @@ const RIGHT_SIDE: [Place; 20] = [
 const CHANNELS: [(&str, &str, &str); 6] = [
     (
         "0 – 5",
-        "front range finders 1 to 6, left to right (directly)",
+        "front ranges 1 to 6, left to right (directly)",
         "0, 1: front 7, 8; 2, 3: rear 7, 8 (directly)",
     ),
-    ("6 – 11", "rear range finders 1 to 6, left to right (directly)", ""),
+    ("6 – 11", "rear ranges 1 to 6, left to right (directly)", ""),
     ("12", "tilt x (divider A)", "position of piston FL (divider A)"),
     ("13", "tilt y (divider A)", "position of piston FR (divider A)"),
     ("14", "battery (divider B)", "position of piston RL (divider A)"),

@@ -3,7 +3,6 @@
 use super::*;
 use robot_agent::config::Layers;
 use xtb_control::controller::{AdcSample, GyroSample};
-use xtb_control::vehicle::SLOTS;
 use xtb_control::{Controller, Sample, Stamp, VehicleConfig};
 use xtb_protocol::board::{BoardIdentity, BoardStatus, Firmware, LineCounters};
 
