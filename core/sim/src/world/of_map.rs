@@ -160,6 +160,16 @@ mod tests {
     }
 
     #[test]
+    fn a_corridor_has_room_along_it() {
+        let (wall, free) = ("#".repeat(30), format!("#{}#", ".".repeat(28)));
+        let mut rows = vec![wall.as_str()];
+        rows.extend([free.as_str(); 3]);
+        rows.push(&wall);
+        let poses = World::of_map(&map(&rows, 0.5)).unwrap().start_poses(2, &Body::default()).unwrap();
+        assert!(poses.iter().all(|pose| pose.yaw_rad.sin().abs() < 1e-9), "{poses:?}");
+    }
+
+    #[test]
     fn a_map_of_noise_is_refused_with_the_number_of_its_boxes() {
         let side = 210;
         let chequered = (0..side * side).map(|i| match (i / side + i % side) % 2 {
