@@ -50,9 +50,11 @@ impl World {
         let (west, south) = grid.place(bounds.min_x_m, bounds.min_y_m);
         let (east, north) = grid.place(bounds.max_x_m, bounds.max_y_m);
         let mut cells = (south..=north).flat_map(|row| (west..=east).map(move |column| (column, row)));
+        let cell_m = grid.resolution_m();
         cells.all(|(column, row)| {
             let [x_m, y_m] = grid.centre_m(column, row);
-            grid.cell(column, row) == Cell::Free || !shape.holds(x_m, y_m)
+            let cell = || OrientedBox::new(x_m, y_m, 0.0, cell_m, cell_m);
+            grid.cell(column, row) == Cell::Free || shape.separation_m(&cell()) > 0.0
         })
     }
 }
