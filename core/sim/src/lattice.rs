@@ -9,7 +9,7 @@
 
 use crate::geometry::{Bounds, OrientedBox};
 use crate::parameters::Body;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 use xtb_control::frames::MapPose;
 
 /// Free way ahead of every robot that starts on the lattice, in m.
@@ -20,6 +20,9 @@ const COLUMN_M: f64 = 2.0;
 const GAP_M: f64 = 0.5;
 /// Kept free to the sides and behind.
 const MARGIN_M: f64 = 0.3;
+
+/// Between two places of a floor that is a map, which may have its room anywhere.
+const FINE_M: f64 = 0.5;
 
 /// Where a truck of this size stands whose reference point has this pose.
 pub(crate) fn footprint(pose: &MapPose, body: &Body) -> OrientedBox {
@@ -59,4 +62,15 @@ pub(crate) fn places(bounds: Bounds, body: &Body) -> impl Iterator<Item = MapPos
             yaw_rad: FRAC_PI_2,
         })
     })
+}
+
+/// Every half metre from the middle outwards, in four directions: where the lattice finds too few.
+pub(crate) fn fine_places(bounds: Bounds) -> impl Iterator<Item = MapPose> {
+    let (centre_x_m, centre_y_m) = bounds.centre_m();
+    let (half_width_m, half_depth_m) = (bounds.width_m() / 2.0, bounds.depth_m() / 2.0);
+    let places = outwards(FINE_M, -half_depth_m, half_depth_m).flat_map(move |y_m| {
+        outwards(FINE_M, -half_width_m, half_width_m).map(move |x_m| (centre_x_m + x_m, centre_y_m + y_m))
+    });
+    let yaws = [FRAC_PI_2, 0.0, -FRAC_PI_2, PI];
+    places.flat_map(move |(x_m, y_m)| yaws.map(|yaw_rad| MapPose { x_m, y_m, yaw_rad }))
 }

@@ -1,7 +1,8 @@
-//! Where the robots start: at the file's `[[starts]]`, then on the free places of the lattice, in nobody's lane.
+//! Where the robots start: at the file's `[[starts]]`, then on the free places of the lattice, and of a map wherever
+//! else there is room, in nobody's lane.
 
 use crate::geometry::{Bounds, OrientedBox};
-use crate::lattice::{footprint, lane, places};
+use crate::lattice::{fine_places, footprint, lane, places};
 use crate::parameters::Body;
 use crate::world::World;
 use crate::world_error::WorldError;
@@ -28,14 +29,16 @@ impl World {
             .floor()
             .or_else(|| self.map_bounds())
             .unwrap_or_else(|| Bounds::around(0.0, 0.0, OPEN_SIDE_M, OPEN_SIDE_M));
-        for pose in places(floor, body) {
+        let fine = self.map_bounds().into_iter().flat_map(fine_places);
+        for pose in places(floor, body).chain(fine) {
             if poses.len() == robots {
                 break;
             }
             let (here, ahead) = (footprint(&pose, body), lane(&pose, body));
-            let free = clear(&here, &solids) && clear(&here, &bodies) && clear(&here, &lanes);
+            // The quickest question first: of a map there are many places and many solids.
             let known = self.is_known_free(&here) && self.is_known_free(&ahead);
-            if free && known && clear(&ahead, &solids) && clear(&ahead, &bodies) {
+            let free = known && clear(&here, &solids) && clear(&here, &bodies) && clear(&here, &lanes);
+            if free && clear(&ahead, &solids) && clear(&ahead, &bodies) {
                 poses.push(pose);
                 bodies.push(here);
                 lanes.push(ahead);

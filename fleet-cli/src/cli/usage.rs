@@ -72,7 +72,7 @@ fn with_tip(mut error: clap::Error) -> clap::Error {
 /// The same without the lines that only help in a terminal: what is wrong, and clap's tip as the hint.
 #[must_use]
 pub fn failure(error: &clap::Error) -> Error {
-    if error.kind() == Usage::DisplayHelpOnMissingArgumentOrSubcommand {
+    if matches!(error.kind(), Usage::DisplayHelpOnMissingArgumentOrSubcommand | Usage::MissingSubcommand) {
         return Error::new(ErrorKind::Invalid, "a verb is missing").hint(ALL);
     }
     let text = error.to_string();

@@ -58,7 +58,11 @@ impl Bench {
 
     fn command(&self, line: &str) -> Command {
         // A busy machine takes its time to connect.
-        let mut command = fleet_cli(&["--timeout", "20", "--connect", &self.sim.endpoint]);
+        let mut command = fleet_cli(&["--timeout", "20"]);
+        let own_router = ["router", "sim", "demo"].contains(&line.split(' ').next().unwrap_or_default());
+        if !own_router {
+            command.args(["--connect", &self.sim.endpoint]);
+        }
         command.args(line.split(' ')).current_dir(self.folder.path()).stdin(Stdio::null());
         command
     }
@@ -133,11 +137,11 @@ fn robots(bench: &mut Bench) {
 fn tasks(bench: &mut Bench) {
     bench.run("dispatch status", "");
     bench.run("dispatch activate", "");
-    bench.run("dispatch goto", "0 1.2 --wait");
-    bench.run("dispatch wander", "--for 1");
+    bench.run("dispatch goto", "0 1.2 --robot xtb-1");
+    bench.run("dispatch wander", "--for 1 --robot xtb-2 --wait");
     let id = |line: &Value| line["id"].as_str().unwrap().to_owned();
-    let route = id(&bench.run("dispatch route", "0,1 0,2 --robot xtb-9"));
-    let patrol = id(&bench.run("dispatch patrol", "0,1 1,1 --robot xtb-9"));
+    let route = id(&bench.run("dispatch route", "0,1 0,2 --robot xtb-1"));
+    let patrol = id(&bench.run("dispatch patrol", "0,1 1,1 --robot xtb-1"));
     std::fs::write(bench.folder.path().join("tasks.toml"), "[[task]]\ngoto = [0.0, 1.0]\n").unwrap();
     bench.run("dispatch submit", "tasks.toml");
     bench.run("extend", &format!("{route} 0,1.5"));
@@ -167,7 +171,7 @@ fn identities(bench: &mut Bench) {
         ("pki add-robot", "xtb-1"),
         ("pki add-person", "alice --role operator"),
         ("pki add-service", "recorder"),
-        ("pki add-router", "second --address 10.0.0.2"),
+        ("pki add-router", "second --router-name 10.0.0.2"),
         ("pki renew", "alice --force"),
         ("pki renew", "--router"),
         ("pki token", "alice"),
@@ -178,7 +182,7 @@ fn identities(bench: &mut Bench) {
     ] {
         bench.run(verb, format!("{arguments} --pki pki").trim());
     }
-    bench.run("enrol", "xtb-1.xtbid --to identity");
+    bench.run("enrol", "recorder.xtbid --to identity");
     bench.run("router", "--print-acl --listen tls/127.0.0.1:0 --pki pki");
 }
 

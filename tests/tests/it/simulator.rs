@@ -151,8 +151,8 @@ fn a_map_of_ros_is_simulated_as_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let at = |file: &str| folder.path().join(file).display().to_string();
     // A wall with a door of 1.5 m between the robots and the goal.
-    let world = "name = 'hall'\n[room]\nwidth_m = 8.0\ndepth_m = 8.0\n[[walls]]\npoints = [[-4.0, 2.0], [0.5, 2.0]]\n\
-                 [[walls]]\npoints = [[2.0, 2.0], [4.0, 2.0]]\n";
+    let world = "name = 'hall'\n[room]\nwidth_m = 8.0\ndepth_m = 12.0\n[[walls]]\npoints = [[-4.0, 4.0], [0.5, 4.0]]\n\
+                 [[walls]]\npoints = [[2.0, 4.0], [4.0, 4.0]]\n";
     std::fs::write(at("hall.toml"), world).unwrap();
     let cli = |arguments: &[&str]| {
         let output = fleet_cli(arguments).output().unwrap();
@@ -163,8 +163,8 @@ fn a_map_of_ros_is_simulated_as_it_is() {
     let sim = sim(&["--robots", "2", "--speed", "8", "--world", &yaml]);
     let (_, live, output) = sim.run(&["map", "show", "--live"]);
     assert_eq!((&live["hash"], &live["name"]), (&file["hash"], &"hall".into()), "{output:?}");
-    let (code, reached, output) = sim.run(&["goto", "xtb-1", "-2", "3.2", "--wait"]);
+    let (code, reached, output) = sim.run(&["goto", "xtb-1", "-2", "5", "--wait"]);
     assert_eq!((code, &reached["status"]), (0, &"reached".into()), "{output:?}");
-    let (_, refused, output) = sim.run(&["goto", "xtb-2", "-2", "2"]);
+    let (_, refused, output) = sim.run(&["goto", "xtb-2", "-2", "4"]);
     assert_eq!(refused["error"]["code"], "goal_blocked", "it stands in the wall: {output:?}");
 }

@@ -50,9 +50,11 @@ impl World {
         let (west, south) = grid.place(bounds.min_x_m, bounds.min_y_m);
         let (east, north) = grid.place(bounds.max_x_m, bounds.max_y_m);
         let mut cells = (south..=north).flat_map(|row| (west..=east).map(move |column| (column, row)));
+        let cell_m = grid.resolution_m();
         cells.all(|(column, row)| {
             let [x_m, y_m] = grid.centre_m(column, row);
-            grid.cell(column, row) == Cell::Free || !shape.holds(x_m, y_m)
+            let cell = || OrientedBox::new(x_m, y_m, 0.0, cell_m, cell_m);
+            grid.cell(column, row) == Cell::Free || shape.separation_m(&cell()) > 0.0
         })
     }
 }
@@ -157,6 +159,16 @@ mod tests {
         rows[1..21].fill(free.as_str());
         let open = World::of_map(&map(&rows, 0.5)).unwrap().start_poses(3, &body).unwrap();
         assert!(open.iter().any(|pose| pose.x_m < 9.0), "{open:?}");
+    }
+
+    #[test]
+    fn a_corridor_has_room_along_it() {
+        let (wall, free) = ("#".repeat(30), format!("#{}#", ".".repeat(28)));
+        let mut rows = vec![wall.as_str()];
+        rows.extend([free.as_str(); 3]);
+        rows.push(&wall);
+        let poses = World::of_map(&map(&rows, 0.5)).unwrap().start_poses(2, &Body::default()).unwrap();
+        assert!(poses.iter().all(|pose| pose.yaw_rad.sin().abs() < 1e-9), "{poses:?}");
     }
 
     #[test]
