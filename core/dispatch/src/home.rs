@@ -32,6 +32,12 @@ const SETTLE_MS: u64 = 10_000;
 const RISE_MS: u64 = 120_000;
 /// The least rise that counts as charging, in V: some steps of the converter.
 const RISE_V: f64 = 0.01;
+/// A robot that has not come so far, in m …
+const WAY_M: f64 = 0.5;
+/// … within this does not get on, in ms; others that stand in its way may be waiting for it.
+const STUCK_MS: u64 = 90_000;
+/// A place to which it did not get is left out for it for so long, in ms.
+const NO_WAY_MS: u64 = 300_000;
 /// A dock that does not charge a robot is left out for it for so long, in ms.
 const NO_CHARGE_MS: u64 = 1_800_000;
 
@@ -96,7 +102,10 @@ pub struct Charge {
     pub visit: Option<Visit>,
     below_since_ms: Option<u64>,
     is_below: bool,
-    /// Docks that did not charge it, and until when they are left out, in ms since 1970.
+    /// Where it was when it last had come on, and when, in ms since 1970.
+    from: Option<(MapPose, u64)>,
+    /// Docks that did not charge it and places that it did not get to, and until when they are left out, in ms since
+    /// 1970.
     useless: BTreeMap<Name, u64>,
 }
 
@@ -118,6 +127,24 @@ impl Charge {
     pub fn is_charging(&self, rules: &HomeRules) -> bool {
         let charged = self.visit.as_ref().is_some_and(|visit| visit.charging != Some(false));
         charged && !self.is_enough(rules)
+    }
+
+    /// Whether it has come nowhere since this and for long, in ms since 1970.
+    pub(crate) fn is_stuck(&self, now_ms: u64, since_ms: u64) -> bool {
+        self.from.is_some_and(|(_, at_ms)| now_ms.saturating_sub(at_ms.max(since_ms)) >= STUCK_MS)
+    }
+
+    /// It did not get there.
+    pub(crate) fn avoid(&mut self, now_ms: u64, place: &Name) {
+        self.useless.insert(place.clone(), now_ms + NO_WAY_MS);
+    }
+
+    /// Where it is now.
+    pub(crate) fn moved(&mut self, now_ms: u64, pose: &MapPose) {
+        let far = |from: &MapPose| libm::hypot(from.x_m - pose.x_m, from.y_m - pose.y_m) >= WAY_M;
+        if self.from.as_ref().is_none_or(|(from, _)| far(from)) {
+            self.from = Some((*pose, now_ms));
+        }
     }
 
     /// Whether this dock may charge it.

@@ -19,6 +19,9 @@ use xtb_control::vehicle::BatteryLevels;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{LinkLoss, MAX_PRIORITY, MapPlace, TaskId, TaskKind, TaskSpec, Who};
 
+/// A drive home may take so long without us, in s: from one end of a large hall to the other, with detours.
+const FINISH_S: f64 = 3600.0;
+
 impl Dispatcher {
     /// Robots go to docks and parking places by these rules from now on; `None` = not by themselves.
     pub fn set_home_rules(&mut self, rules: Option<HomeRules>) {
@@ -82,6 +85,7 @@ impl Dispatcher {
             let at = places.iter().filter(|place| stands && is_dock_of(rules, place, &robot.name));
             let dock = round::nearest_at(at, &observed.pose).map(|place| &place.name);
             let battery = (observed.battery_v, observed.battery_level);
+            robot.charge.moved(now_ms, &observed.pose);
             robot.charge.look(now_ms, rules, battery, dock);
         }
     }
@@ -94,10 +98,17 @@ impl Dispatcher {
                 }
                 let task = TaskId::new(self.store.next_task() + self.writes.new_tasks());
                 // A robot that gets home without us is better off than one that stands with a low battery.
+                let finish_s = FINISH_S;
                 let (priority, on_link_loss) =
                     if charges { (MAX_PRIORITY, LinkLoss::Finish) } else { (0, LinkLoss::Halt) };
                 let kind = TaskKind::Goto { to: place };
-                let spec = TaskSpec { priority, who: Who::Robot(robot), on_link_loss, ..TaskSpec::new(kind) };
+                let spec = TaskSpec {
+                    priority,
+                    who: Who::Robot(robot),
+                    on_link_loss,
+                    finish_s,
+                    ..TaskSpec::new(kind)
+                };
                 let (by, key) = (self.identity.me.clone(), self.new_id());
                 let change = Change::Queued { not_before_ms: 0, failed: false };
                 let records = vec![
@@ -111,7 +122,12 @@ impl Dispatcher {
                 let change = Change::Queued { not_before_ms: 0, failed: false };
                 self.record(now_ms, task, TaskOutcome::Changed(change, Some(why)));
             }
-            Decision::Cancel { task, why } => {
+            Decision::Cancel { task, why, avoid } => {
+                if let Some((name, place)) = avoid
+                    && let Some(robot) = self.robots.get_mut(&name)
+                {
+                    robot.charge.avoid(now_ms, &place);
+                }
                 let Some(change) = self.store.task(task).map(|task| task.end(Ending::Cancelled)) else {
                     return;
                 };

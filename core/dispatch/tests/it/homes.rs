@@ -285,6 +285,23 @@ fn a_dock_at_which_somebody_else_has_stopped_is_left_to_them() {
 }
 
 #[test]
+fn a_robot_that_does_not_get_to_its_dock_goes_to_another_one() {
+    let mut bench = bench(1, &docks());
+    bench.robots[0].set_battery(7.1);
+    bench.run_ms(1_500);
+    assert_eq!(own(&bench)[0].2, (2.0, 5.0));
+    // Somebody stands in its way, and moves only when it has turned round.
+    let until_ms = bench.now_ms + 95_000;
+    bench.robots[0].obstruct(bench.now_ms, until_ms);
+    bench.run_ms(80_000);
+    assert_eq!(own(&bench).len(), 1);
+    bench.run_ms(40_000);
+    let (drive, state, _) = own(&bench)[0];
+    assert_eq!((state, bench.reason(drive)), (TaskState::Cancelled, "xtb-1 does not get to dock-1".into()));
+    assert_eq!(bench.robots[0].at, (8.0, 5.0), "{:?}", own(&bench));
+}
+
+#[test]
 fn a_robot_with_a_home_goes_there_and_nobody_is_sent_without_rules() {
     let mut bench = bench(1, &docks());
     let homes = [(name("xtb-1"), name("bench"))].into_iter().collect();

@@ -25,8 +25,8 @@ pub(super) enum Decision {
     Send { robot: Name, place: Waypoint, charges: bool, why: String },
     /// Somebody's task goes back to the queue, so that its robot can go.
     Release { task: TaskId, why: String },
-    /// A drive of ours is not wanted any more.
-    Cancel { task: TaskId, why: String },
+    /// A drive of ours is not wanted any more; `avoid`: a robot did not get to this place.
+    Cancel { task: TaskId, why: String, avoid: Option<(Name, Name)> },
 }
 
 /// The place that a robot is at, of these.
@@ -184,6 +184,9 @@ impl<'a> Round<'a> {
         if let Some(other) = others.into_iter().find(stands) {
             return Some(format!("{} stands at {}", other.name, self.places[place].name));
         }
+        if let Some((_, place)) = self.did_not_get_to(task) {
+            return Some(format!("{name} does not get to {place}"));
+        }
         let charge = &robot.charge;
         if self.is_dock_of(place, name) {
             // One that has not been heard yet, or does not measure it, may be empty.
@@ -194,6 +197,14 @@ impl<'a> Round<'a> {
         let works = self.of.store.on(name).is_some_and(|task| !self.of.is_own(task));
         (charge.need.is_none() && (works || self.has_work(robot)))
             .then(|| "there is a task for it".to_owned())
+    }
+
+    /// The place that the robot of a drive of ours does not get to, if so.
+    fn did_not_get_to(&self, task: &Task) -> Option<(Name, Name)> {
+        let assigned = task.assigned.as_ref().filter(|_| task.wants_to_drive())?;
+        let robot = self.of.robots.get(&assigned.robot)?;
+        let place = self.places[self.place_of(task)?].name.clone();
+        robot.charge.is_stuck(self.now_ms, assigned.at_ms).then(|| (robot.name.clone(), place))
     }
 
     /// Whether a task waits that this robot may do.
@@ -211,7 +222,7 @@ impl<'a> Round<'a> {
 
     fn cancel(&mut self, task: &Task, why: String) {
         if !self.of.writes.has_task(task.id) && self.cancelled.insert(task.id) {
-            self.decisions.push(Decision::Cancel { task: task.id, why });
+            self.decisions.push(Decision::Cancel { task: task.id, why, avoid: self.did_not_get_to(task) });
         }
     }
 
@@ -232,9 +243,7 @@ impl<'a> Round<'a> {
         if !self.can_drive(robot) || (need == Need::AfterTask && busy.is_some()) {
             return;
         }
-        let mine = |place: &MapPlace| {
-            is_dock_of(self.rules, place, name) && robot.charge.may_use(self.now_ms, &place.name)
-        };
+        let mine = |place: &MapPlace| is_dock_of(self.rules, place, name);
         let why = low_words(robot);
         if self.resting.contains(name) {
             return self.stay(robot, format!("{why}: its last drive to a dock failed or was cancelled"));
@@ -293,7 +302,8 @@ impl<'a> Round<'a> {
     fn nearest_free(&self, robot: &TrackedRobot, wanted: impl Fn(&MapPlace) -> bool) -> Option<usize> {
         let (pose, car) = (robot.observed.as_ref()?.pose, robot.car());
         let free = |place: &usize| self.takers[*place].iter().all(|taker| *taker == robot.name);
-        let open = (0..self.places.len()).filter(|place| wanted(self.places[*place])).filter(free);
+        let may = |place: &MapPlace| wanted(place) && robot.charge.may_use(self.now_ms, &place.name);
+        let open = (0..self.places.len()).filter(|place| may(self.places[*place])).filter(free);
         let reachable = open.filter_map(|place| {
             let point = waypoint(self.places[place]);
             self.travel_cost.admits(&car, &point).ok()?;
