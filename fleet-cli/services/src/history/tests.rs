@@ -106,8 +106,8 @@ fn a_page_is_what_was_asked_for() {
             })
             .0
         };
-    assert_eq!(by(&|since, ..| *since = Some(base + 10)), [10, 11]);
-    assert_eq!(by(&|_, robot, ..| *robot = Some(name("xtb-2"))), [2, 4, 6, 8, 10]);
+    assert_eq!(by(&|since, _, _, _| *since = Some(base + 10)), [10, 11]);
+    assert_eq!(by(&|_, robot, _, _| *robot = Some(name("xtb-2"))), [2, 4, 6, 8, 10]);
     assert_eq!(by(&|_, _, kinds, _| *kinds = vec![HistoryKind::Lease, HistoryKind::Alert]), [11]);
     assert_eq!(by(&|_, _, _, search| *search = Some("ONLINE".into())), [3, 6, 9]);
     // Words are words, whatever they hold.
