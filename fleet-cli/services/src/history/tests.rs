@@ -11,7 +11,8 @@ use xtb_protocol::{Uuid, messages::TaskId};
 
 const DAY_MS: u64 = 24 * 3600 * 1000;
 /// Changes since, robot, kinds and search of a question.
-type Narrow = dyn Fn(&mut Option<u64>, &mut Option<Name>, &mut Vec<HistoryKind>, &mut Option<String>);
+type Narrow<'a> =
+    dyn Fn(&mut Option<u64>, &mut Option<Name>, &mut Vec<HistoryKind>, &mut Option<String>) + 'a;
 
 fn now_ms() -> u64 {
     crate::dispatch::store::wall_ms()
@@ -100,7 +101,7 @@ fn a_page_is_what_was_asked_for() {
     assert_eq!(set(HistoryPlace::Before(9), 3), (vec![6, 7, 8], true));
     assert_eq!(set(HistoryPlace::After(9), 3), (vec![10, 11], false));
     assert_eq!(set(HistoryPlace::After(u64::MAX), 3), (vec![], false));
-    let by = |change: &Narrow| {
+    let by = |change: &Narrow<'_>| {
         page(&|request| {
             let HistoryRequest::Events { since_ms, robot, kinds, search, .. } = request else { return };
             change(since_ms, robot, kinds, search);
