@@ -169,7 +169,7 @@ enum Job {
 }
 
 /// A question and where its answer goes.
-type Question = (HistoryRequest, u64, oneshot::Sender<HistoryReply>);
+type Question = Box<(HistoryRequest, u64, oneshot::Sender<HistoryReply>)>;
 
 /// A history, until it is dropped; then what waits is written first.
 #[derive(Debug)]
@@ -236,8 +236,10 @@ impl History {
     #[must_use]
     pub fn ask(&self, request: HistoryRequest, now_ms: u64) -> oneshot::Receiver<HistoryReply> {
         let (answer, answered) = oneshot::channel();
-        let sent = self.questions.as_ref().map(|questions| questions.try_send((request, now_ms, answer)));
-        if let Some(Err(TrySendError::Full((.., answer)) | TrySendError::Disconnected((.., answer)))) = sent {
+        let sent =
+            self.questions.as_ref().map(|questions| questions.try_send(Box::new((request, now_ms, answer))));
+        if let Some(Err(TrySendError::Full(back) | TrySendError::Disconnected(back))) = sent {
+            let (.., answer) = *back;
             self.shared.overloaded.fetch_add(1, Ordering::Relaxed);
             let message = format!("{QUESTIONS} questions to the history wait already: try again");
             // Who has asked may be gone.

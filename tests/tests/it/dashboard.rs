@@ -43,8 +43,12 @@ impl Rig {
             robots: Vec::new(),
             aliases: Default::default(),
         };
-        let ctx =
-            Context { settings, connect_given: true, out: fleet_cli::Output { json: true, colors: false } };
+        let ctx = Context {
+            settings,
+            connect_given: true,
+            observer: Default::default(),
+            out: fleet_cli::Output { json: true, colors: false },
+        };
         let client = Client::open(&ctx.settings).await.unwrap();
         let live = Live::open(&client, Wanted { sensors: true, truth: false }).await.unwrap();
         let mut settings = Settings {

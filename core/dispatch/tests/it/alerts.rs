@@ -135,7 +135,8 @@ fn fleet_stop() -> Suspension {
 #[test]
 fn each_rule_over_a_robots_state_has_its_words_and_its_remedy() {
     type Change = fn(&mut RobotState);
-    let rows: [(u64, Change, AlertKind, Option<&str>, &str, &str); 6] = [
+    type Row = (u64, Change, AlertKind, Option<&'static str>, &'static str, &'static str);
+    let rows: [Row; 6] = [
         (
             0,
             latched,

@@ -14,7 +14,8 @@ use xtb_protocol::messages::{
 
 /// Until nobody asks any more.
 pub(super) fn answer_all(connection: &Connection, asked: &Receiver<Question>) {
-    while let Ok((request, now_ms, answer)) = asked.recv() {
+    while let Ok(question) = asked.recv() {
+        let (request, now_ms, answer) = *question;
         // Who has asked may be gone.
         let _ = answer.send(reply(connection, &request, now_ms));
     }

@@ -10,6 +10,9 @@ use xtb_protocol::messages::{
 use xtb_protocol::{Uuid, messages::TaskId};
 
 const DAY_MS: u64 = 24 * 3600 * 1000;
+/// Changes since, robot, kinds and search of a question.
+type Narrow<'a> =
+    dyn Fn(&mut Option<u64>, &mut Option<Name>, &mut Vec<HistoryKind>, &mut Option<String>) + 'a;
 
 fn now_ms() -> u64 {
     crate::dispatch::store::wall_ms()
@@ -98,16 +101,15 @@ fn a_page_is_what_was_asked_for() {
     assert_eq!(set(HistoryPlace::Before(9), 3), (vec![6, 7, 8], true));
     assert_eq!(set(HistoryPlace::After(9), 3), (vec![10, 11], false));
     assert_eq!(set(HistoryPlace::After(u64::MAX), 3), (vec![], false));
-    let by =
-        |change: &dyn Fn(&mut Option<u64>, &mut Option<Name>, &mut Vec<HistoryKind>, &mut Option<String>)| {
-            page(&|request| {
-                let HistoryRequest::Events { since_ms, robot, kinds, search, .. } = request else { return };
-                change(since_ms, robot, kinds, search);
-            })
-            .0
-        };
-    assert_eq!(by(&|since, ..| *since = Some(base + 10)), [10, 11]);
-    assert_eq!(by(&|_, robot, ..| *robot = Some(name("xtb-2"))), [2, 4, 6, 8, 10]);
+    let by = |change: &Narrow<'_>| {
+        page(&|request| {
+            let HistoryRequest::Events { since_ms, robot, kinds, search, .. } = request else { return };
+            change(since_ms, robot, kinds, search);
+        })
+        .0
+    };
+    assert_eq!(by(&|since, _, _, _| *since = Some(base + 10)), [10, 11]);
+    assert_eq!(by(&|_, robot, _, _| *robot = Some(name("xtb-2"))), [2, 4, 6, 8, 10]);
     assert_eq!(by(&|_, _, kinds, _| *kinds = vec![HistoryKind::Lease, HistoryKind::Alert]), [11]);
     assert_eq!(by(&|_, _, _, search| *search = Some("ONLINE".into())), [3, 6, 9]);
     // Words are words, whatever they hold.
