@@ -187,9 +187,7 @@ mod tests {
         assert_eq!((&set["status"], &set["taken_from"]), (&json!("set"), &Value::Null));
         let fake = fake.lock();
         let turned = 4.0 - std::f64::consts::TAU;
-        let is = |body: &Body| {
-            matches!(body, Body::SetPose { x_m: 1.0, y_m: -2.0, yaw_rad } if (yaw_rad - turned).abs() < 1e-9)
-        };
+        let is = |body: &Body| matches!(body, Body::SetPose { x_m: 1.0, y_m: -2.0, yaw_rad } if (yaw_rad - turned).abs() < 1e-9);
         assert!(fake.asked.iter().any(|(_, body)| is(body)), "{:?}", fake.asked);
         assert_eq!(fake.lease, None);
     }
