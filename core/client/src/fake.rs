@@ -404,7 +404,7 @@ impl Client {
             client: own("me"),
             timeout,
             robots: Vec::new(),
-            aliases: BTreeMap::new(),
+            aliases: Default::default(),
         };
         let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
         Self::on(&settings, xtb_bus::open(&role).await.unwrap())

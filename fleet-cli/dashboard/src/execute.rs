@@ -275,7 +275,7 @@ mod tests {
             fake::latch(Latch::Estop, "cli-1", false),
             fake::latch(Latch::GyroLost, "gyro_silent", true),
         ];
-        let done = reset(&client, name("xtb-1")).await.unwrap();
+        let done = reset(&client, name("xtb-1"), false).await.unwrap();
         assert_eq!(done["cleared"], json!(["estop"]));
         assert_eq!(done["remaining"][0]["latch"], "gyro_lost");
         assert_eq!(fake.lock().lease, None);

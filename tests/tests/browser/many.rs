@@ -48,9 +48,9 @@ async fn of_a_hundred_robots_those_in_trouble_stand_first_and_two_digits_find_on
     press(&browser, &['2']).await;
     browser.until("one is left", "return document.querySelectorAll('.robot-row').length === 1").await;
     assert_eq!(rows(&browser).await, json!(["car-42"]));
-    screen(&browser, "filtered").await;
     press(&browser, &[char::from(Key::Enter)]).await;
     browser.until("it is selected", "return store.selected === 'car-42'").await;
+    screen(&browser, "filtered").await;
 
     browser.click("[data-filter=latched]").await;
     browser.until("by state", "return document.querySelectorAll('.robot-row').length === 1").await;

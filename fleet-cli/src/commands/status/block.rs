@@ -113,6 +113,7 @@ mod tests {
         };
         let robot = RobotView {
             name: fake::name("xtb-1"),
+            alias: None,
             alive: true,
             state: Some(state),
             age_ms: Some(30),
