@@ -8,7 +8,7 @@ pub use observer::{AlertsConfig, HistoryConfig, observer};
 use crate::nearest::nearest;
 use crate::text::width::text_width;
 use robot_agent::files;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -49,7 +49,7 @@ pub struct FleetConfig {
 }
 
 /// The section `home`.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
 #[serde(default)]
 pub struct HomeConfig {
     /// When.

@@ -44,7 +44,7 @@ fn main() {
 }
 
 fn each_hour(figures: &Figures) {
-    if figures.at_min % 60 != 0 {
+    if !figures.at_min.is_multiple_of(60) {
         return;
     }
     let least = figures.least.iter().copied().fold(1.0, f64::min);

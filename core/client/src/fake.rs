@@ -7,7 +7,6 @@ pub use dispatcher::{FakeDispatcher, Told};
 
 use crate::client::Client;
 use crate::settings::Settings;
-use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;

@@ -12,6 +12,7 @@ mod webhook;
 pub use command::CommandOutlet;
 pub use webhook::{Url, WebhookOutlet};
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -33,7 +34,7 @@ pub struct OutletSettings {
 }
 
 /// What came of the changes that were handed to an outlet.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct OutletCounters {
     /// Taken: the command ended with 0, the web hook answered with 2xx.
     pub sent: u64,

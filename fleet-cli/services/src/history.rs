@@ -16,6 +16,7 @@ pub use read::local_day;
 
 use rusqlite::Connection;
 use samples::Sample;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -80,7 +81,7 @@ pub enum HistoryError {
 }
 
 /// What was written and what was not.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Counters {
     /// Rows written.
     pub written: u64,

@@ -16,12 +16,12 @@ pub(super) const SHORT: &str = "\
 
 {usage-heading} fleet-cli VERB …
 
-  see        list  status  why  doctor  top  watch
-  drive      goto  wander  teleop  set-pose
+  see        list  status  why  doctor  alerts  top  watch
+  drive      goto  wander  teleop  set-pose  param
   stop       stop  estop  reset
   tasks      dispatch  tasks  task  cancel  pause  resume  retry  extend
   floor      map  place
-  record     record  play  export  audit  fetch-log
+  record     record  play  export  audit  events  report  fetch-log
   serve      router  traffic  dashboard  vda5050
   identify   pki  enrol
   try        sim  demo  plan

@@ -4,11 +4,13 @@ use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{Verbs, line_of};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use crate::terminal::{Input, Terminal};
 use clap::{Args, Subcommand};
 use crossterm::event::KeyCode;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
@@ -70,7 +72,7 @@ pub struct AlertsAckArgs {
 }
 
 /// An alert as `--json` has it.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Told<'a> {
     #[serde(flatten)]
     alert: &'a Alert,
@@ -78,7 +80,7 @@ struct Told<'a> {
 }
 
 /// What `--json` prints.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Listed<'a> {
     at_ms: u64,
     alerts: Vec<Told<'a>>,
@@ -88,6 +90,10 @@ struct Listed<'a> {
 fn told(alert: &Alert) -> Told<'_> {
     Told { alert, state: alert.state() }
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: Verbs =
+    &[("alerts", &[line_of::<Listed<'_>>, line_of::<Told<'_>>]), ("alerts ack", &[line_of::<AckReply>])];
 
 /// Shows them once, or acknowledges some.
 ///

@@ -42,10 +42,10 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     let (targets, unknown) = args.who.targets(&client).await?;
     let calling = estop(&client, &targets, ctx.settings.timeout);
     let exit = tokio::select! {
-        report = stopped::shown(ctx, &client, (&targets, unknown), calling, "stopped (latched)") => report?,
+        exit = stopped::shown(ctx, &client, (&targets, unknown), calling, "stopped (latched)") => exit?,
         never = tell_link(ctx, &client) => match never {},
     };
-    if !report.all_stopped() {
+    if exit != Exit::Done {
         ctx.out.note(MAY_DRIVE);
     }
     if !ctx.out.json {

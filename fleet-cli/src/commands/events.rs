@@ -3,6 +3,7 @@
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
+use crate::json::{LineKind, line_of};
 use crate::values::moment;
 use clap::{Args, ValueEnum};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -91,6 +92,9 @@ impl From<KindArg> for HistoryKind {
         }
     }
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<HistoryEvent>];
 
 /// Prints them, and then new ones if asked for.
 ///

@@ -75,6 +75,7 @@ pub(super) const JSON: Verbs = &[
     ("map check", check::JSON),
     ("map import", import::JSON),
     ("map serve", serve::JSON),
+    ("map history", history::JSON),
 ];
 
 /// Carries out one of its verbs.

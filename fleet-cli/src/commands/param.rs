@@ -1,13 +1,15 @@
 //! `param`: settings of running robots: shown, changed, saved.
 
-use super::once_each;
 use crate::args::LeaseArgs;
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, Verbs, line_of};
 use crate::output::{Output, Tone};
+use crate::robots::once_each;
 use crate::table::{Cell, Table};
 use clap::{ArgGroup, Args, Subcommand};
 use futures_util::future::join_all;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -116,25 +118,30 @@ pub struct SaveArgs {
 }
 
 /// What came of it, by robot.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Report {
     robots: BTreeMap<Name, RobotReport>,
 }
 
 /// The settings that were asked for, or why there are none.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct RobotReport {
     params: Vec<ParamInfo>,
     changes: Vec<ParamChange>,
     error: Option<Refused>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Refused {
     code: String,
     message: String,
     hint: String,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: Verbs =
+    &[("param list", LINES), ("param get", LINES), ("param set", LINES), ("param save", LINES)];
+const LINES: &[LineKind] = &[line_of::<Report>];
 
 /// Shows, changes or saves settings.
 ///

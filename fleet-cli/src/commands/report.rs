@@ -2,9 +2,11 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
 use clap::Args;
+use schemars::JsonSchema;
 use serde::Serialize;
 use xtb_client::client::Client;
 use xtb_client::fleet_view::by_number;
@@ -33,7 +35,7 @@ pub struct ReportArgs {
 }
 
 /// What `--json` prints.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Report {
     day: String,
     from_ms: u64,
@@ -42,13 +44,16 @@ struct Report {
 }
 
 /// A robot's line.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Line {
     #[serde(flatten)]
     report: RobotReport,
     /// 0 to 1; null: it was not heard.
     utilisation: Option<f64>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<Report>];
 
 /// Prints it.
 ///

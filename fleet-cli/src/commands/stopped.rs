@@ -36,11 +36,6 @@ impl Report {
         }
     }
 
-    /// Whether all who were asked have stopped.
-    pub(super) fn all_stopped(&self) -> bool {
-        self.stopped.all_stopped()
-    }
-
     /// A row for each robot; `stopped` is what that is called.
     fn table(&self, stopped: &str, out: &Output) -> String {
         let mut table = Table::new(&["name", "outcome"]);

@@ -1,6 +1,6 @@
 //! Text: the fleet's config, the agent's, and the lines of a trace.
 
-use fleet_cli::config::{AlertsConfig, FleetConfig, HistoryConfig};
+use fleet_cli::config::{AlertsConfig, FleetConfig, HistoryConfig, HomeConfig};
 use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -17,6 +17,8 @@ struct Printed<'a> {
     fleet: &'a Option<Name>,
     connect: &'a [String],
     robots: &'a [RosterEntry],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    home: &'a Option<HomeConfig>,
     aliases: &'a BTreeMap<Name, String>,
     alerts: &'a AlertsConfig,
     history: &'a HistoryConfig,
@@ -41,8 +43,8 @@ pub fn fleet_config(bytes: &[u8]) -> bool {
             assert!((-7.0..=7.0).contains(&pose.yaw_rad), "{pose:?}");
         }
     }
-    let FleetConfig { fleet, connect, robots, aliases, alerts, history } = &config;
-    let printed = toml::to_string(&Printed { fleet, connect, robots, aliases, alerts, history })
+    let FleetConfig { fleet, connect, robots, home, aliases, alerts, history } = &config;
+    let printed = toml::to_string(&Printed { fleet, connect, robots, home, aliases, alerts, history })
         .unwrap_or_else(|error| panic!("{config:?}: {error}"));
     let again =
         FleetConfig::parse(&printed).unwrap_or_else(|failure| panic!("{}:\n{printed}", failure.message));

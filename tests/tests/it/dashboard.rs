@@ -46,6 +46,7 @@ impl Rig {
         let ctx = Context {
             settings,
             connect_given: true,
+            home: None,
             observer: Default::default(),
             out: fleet_cli::Output { json: true, colors: false },
         };

@@ -99,6 +99,7 @@ fn floor_and_files(bench: &mut Bench) {
     bench.run("map show", "--live");
     bench.run("map check", "hall.toml");
     bench.run("map import", "hall.toml --out hall.yaml");
+    bench.run("map history", "");
     bench.run("place add", "dock-1 1 1 --yaw 90 --kind dock --tag north --file hall.yaml");
     bench.run("place here", "bench xtb-1 --file hall.yaml");
     bench.run("place list", "--file hall.yaml");
@@ -127,7 +128,13 @@ fn robots(bench: &mut Bench) {
         ("set-pose", "xtb-1 0 0 --yaw 90"),
         ("estop", "--all"),
         ("why", "xtb-1"),
+        ("alerts", "--all"),
+        ("alerts ack", "--all"),
         ("reset", "--all --yes"),
+        ("param list", "xtb-1 xtb-9"),
+        ("param get", "navigation.drive.limit_mps xtb-1"),
+        ("param set", "navigation.drive.limit_mps 0.2 xtb-1"),
+        ("param save", "xtb-1"),
         ("status", "xtb-1"),
     ] {
         bench.run(verb, arguments);
@@ -152,6 +159,8 @@ fn tasks(bench: &mut Bench) {
     bench.run("tasks", "");
     bench.run("dispatch adopt", "");
     bench.run("traffic status", "");
+    bench.run("events", "--limit 20");
+    bench.run("report", "");
     bench.run("dispatch export", "--ledger lab.ledger");
     bench.run("audit", "--ledger lab.ledger");
 }

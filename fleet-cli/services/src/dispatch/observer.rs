@@ -7,6 +7,7 @@ use super::Clock;
 use crate::alert_outlets::{OutletCounters, OutletSettings, Outlets};
 use crate::history::samples::Samples;
 use crate::history::{self, Bounds, History, Row};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -46,7 +47,7 @@ pub struct ObserverSettings {
 }
 
 /// What was told, and what was not.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct ObserverCounters {
     /// Questions and events that found the queue full.
     pub dropped: u64,

@@ -2,6 +2,7 @@
 
 use crate::context::Context;
 use crate::exit::Exit;
+use crate::json::{LineKind, line_of};
 use clap::Args;
 use std::path::PathBuf;
 use std::time::{Duration, UNIX_EPOCH};
@@ -20,6 +21,9 @@ pub struct MapHistoryArgs {
     #[arg(value_name = "FILE")]
     pub file: Option<PathBuf>,
 }
+
+/// What it prints with `--json`.
+pub(super) const JSON: &[LineKind] = &[line_of::<MapHistory>];
 
 /// Prints them, the newest last.
 ///

@@ -53,7 +53,7 @@ const PUTS: [(&str, &[Role]); 24] = [
     ("sim/truth", &[Role::Simulator]),
 ];
 /// Questions that nobody may ask but these.
-const QUESTIONS: [(&str, &[Role]); 10] = [
+const QUESTIONS: [(&str, &[Role]); 12] = [
     // steal the lease; command under the holder's; log and tasks under another's name
     ("xtb-1/cmd/alice", &[Role::Operator]),
     ("*/cmd/alice", &[Role::Operator]),
