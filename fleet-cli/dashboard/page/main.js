@@ -269,7 +269,7 @@ function offer(text, title, take) {
 
 function done(ok) {
   if (ok?.status) return ok.status;
-  if (ok?.unknown) return resets(ok);
+  if (ok?.robots && ok.unknown) return resets(ok);
   if (ok?.cleared) return ok.remaining?.length ? "some latches remain" : "done";
   return "done";
 }

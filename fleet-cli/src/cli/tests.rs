@@ -158,7 +158,7 @@ fn a_task_says_what_its_robot_does_without_the_dispatcher() {
 #[test]
 fn a_usage_line_is_that_of_the_verb_whatever_was_typed() {
     for (line, usage) in [
-        ("--timeout 5 wander --wait", "Usage: fleet-cli wander [OPTIONS] <ROBOT>"),
+        ("--timeout 5 wander --wait", "Usage: fleet-cli wander [OPTIONS] <ROBOT>..."),
         ("--connect 10.0.0.1 goto xtb-1", "Usage: fleet-cli goto [OPTIONS] <ROBOT> <X|PLACE> [Y]"),
         ("dispatch activate --fly", "Usage: fleet-cli dispatch activate [OPTIONS]"),
         ("stop --json", "Usage: fleet-cli stop [OPTIONS] <ROBOT|--all>"),
