@@ -19,7 +19,7 @@ const LOOK: &[Line] = &[
     (
         "in",
         "query",
-        "*/{state,about} map map/places map/history dispatch/{tasks,homes},alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
+        "*/{state,about} map map/places map/history dispatch/{tasks,homes,alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/**",
     ),
     (
         "in",
@@ -35,7 +35,7 @@ const LOOK: &[Line] = &[
     (
         "out",
         "reply",
-        "*/{state,about} map map/places map/history dispatch/{tasks,homes},alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
+        "*/{state,about} map map/places map/history dispatch/{tasks,homes,alerts,history} sim/{roster,stats} {*,dispatch}/event/@adv/** */event/json/@adv/** {*,dispatch}/event */event/json",
     ),
     ("out", "liveliness_token", "{*,traffic,dispatch}/alive {*,dispatch}/event/@adv/** */event/json/@adv/**"),
 ];
