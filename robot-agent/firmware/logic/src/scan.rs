@@ -90,7 +90,7 @@ impl Scan {
         }
         let (first, second) = match self.channel() {
             0..MORE_RANGES => (RANGE_CONVERSIONS, RANGE_CONVERSIONS),
-            0..RANGES => (RANGE_CONVERSIONS, 0),
+            MORE_RANGES..RANGES => (RANGE_CONVERSIONS, 0),
             14 => (BATTERY_CONVERSIONS, SUM_CONVERSIONS),
             15 => (0, SUM_CONVERSIONS),
             _ => (SUM_CONVERSIONS, SUM_CONVERSIONS),
