@@ -305,15 +305,15 @@ async fn answer<M: Message + Send + Sync + 'static>(
     Ok(service.await?)
 }
 
-/// At once, when it changes, and now and again.
+/// At once, when it changes, and now and again, as long as there is somebody who could change it.
 async fn publish<M: Message>(publisher: Publisher<M>, mut newest: watch::Receiver<Arc<M>>) {
     let mut tick = tokio::time::interval(PUBLISH_EVERY);
     tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    let mut changes = true;
     loop {
         tokio::select! {
             _ = tick.tick() => {}
-            changed = newest.changed(), if changes => changes = changed.is_ok(),
+            // Nobody changes it any more: the service has ended, and its session with it.
+            changed = newest.changed() => if changed.is_err() { return },
         }
         let message = Arc::clone(&newest.borrow_and_update());
         if let Err(error) = publisher.put(&message).await {
