@@ -127,8 +127,13 @@ fn an_operator_is_called_acknowledges_by_name_and_a_kill_forgets_nothing() {
         robot["driven_m"].as_f64().filter(|driven_m| *driven_m > 0.3)
     };
     let before_m = lab.until("report", driven);
-    let stopped = lab.ok("report")[0]["robots"][0]["stops"].to_string();
-    assert!(stopped.contains("estop"), "{stopped}");
+    let stopped = |lines: &[Value]| {
+        let mut robots = lines[0]["robots"].as_array()?.iter();
+        robots
+            .find(|robot| robot["robot"] == "xtb-1" && robot["stops"].to_string().contains("estop"))
+            .map(drop)
+    };
+    lab.until("report", stopped);
 
     lab.kill_and_restart();
     assert_eq!(lab.alert("latched", "acknowledged")["acknowledged"]["by"], "alice", "it is still the same");
