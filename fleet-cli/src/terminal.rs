@@ -80,6 +80,17 @@ impl Terminal {
         }
     }
 
+    /// Resolves once the person leaves (q, Esc, Ctrl-C) or the terminal is gone; what else is typed says nothing.
+    pub(crate) async fn left(&mut self) {
+        while let Some(input) = self.next().await {
+            if let Input::Key(key) = input
+                && (key.code == KeyCode::Char('q') || Input::leaves(&key))
+            {
+                return;
+            }
+        }
+    }
+
     /// Shows these lines from the top, as many as there is room for.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::time::{Duration, SystemTime};
-use xtb_protocol::messages::Latch;
+use xtb_protocol::messages::{HistoryKind, Latch};
 
 /// The latches by name: completions know them, so they must be written down.
 pub(crate) const LATCHES: [&str; Latch::ALL.len()] =
@@ -10,6 +10,13 @@ pub(crate) const LATCHES: [&str; Latch::ALL.len()] =
 
 pub(crate) fn latch() -> impl TypedValueParser<Value = Latch> {
     PossibleValuesParser::new(LATCHES).try_map(|name| name.parse::<Latch>())
+}
+
+pub(crate) fn history_kind() -> impl TypedValueParser<Value = HistoryKind> {
+    PossibleValuesParser::new(HistoryKind::ALL.map(HistoryKind::as_str)).try_map(|name| {
+        let kind = HistoryKind::ALL.into_iter().find(|kind| kind.as_str() == name);
+        kind.ok_or_else(|| format!("no kind of event: {name}"))
+    })
 }
 
 pub(crate) fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<f64, String> {

@@ -255,13 +255,13 @@ impl Simulator {
 
     /// Ends everything: agents first (their motors go neutral), then the router.
     pub async fn stop(self) {
-        let Self { agents, publishing, bus, router, world, _roster_service, .. } = self;
+        let Self { agents, publishing, bus, router, world, map_service, _roster_service, .. } = self;
         let ending: Vec<_> = agents.into_iter().flatten().map(|agent| tokio::spawn(agent.stop())).collect();
         for agent in ending {
             let _ = agent.await;
         }
         publishing.iter().for_each(JoinHandle::abort);
-        drop(world);
+        drop((world, map_service));
         bus.close().await;
         if let Some(router) = router {
             router.close().await;

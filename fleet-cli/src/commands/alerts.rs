@@ -7,9 +7,8 @@ use crate::interrupt::interrupted;
 use crate::json::{Verbs, line_of};
 use crate::output::{Output, Tone};
 use crate::table::{Cell, Table};
-use crate::terminal::{Input, Terminal};
+use crate::terminal::Terminal;
 use clap::{Args, Subcommand};
-use crossterm::event::KeyCode;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -237,20 +236,14 @@ async fn repaint(ctx: &Context, client: &Client, args: &AlertsArgs) -> Result<Ex
         lines.extend(trouble.as_ref().map(|trouble| ctx.out.paint(Tone::Bad, &format!("STALE: {trouble}"))));
         lines.extend(screen(&list, args, &ctx.out));
         terminal.paint(&lines)?;
-        let mut coming = pin!(async {
+        let coming = async {
             tokio::time::sleep(LOOK_EVERY).await;
             DispatcherClient::of(client).alerts().await
-        });
-        let came = loop {
-            tokio::select! {
-                () = &mut stop => return Ok(Exit::Done),
-                input = terminal.next() => match input {
-                    Some(Input::Key(key)) if key.code != KeyCode::Char('q') && !Input::leaves(&key) => {}
-                    Some(Input::FocusLost) => {}
-                    _ => return Ok(Exit::Done),
-                },
-                came = &mut coming => break came,
-            }
+        };
+        let came = tokio::select! {
+            () = &mut stop => return Ok(Exit::Done),
+            () = terminal.left() => return Ok(Exit::Done),
+            came = coming => came,
         };
         match came {
             Ok(newer) => (list, trouble) = (newer, None),

@@ -4,8 +4,8 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::json::{LineKind, line_of};
-use crate::values::moment;
-use clap::{Args, ValueEnum};
+use crate::values::{history_kind, moment};
+use clap::Args;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use xtb_client::client::Client;
 use xtb_client::{DispatcherClient, Error, ErrorKind, Result};
@@ -41,8 +41,8 @@ pub struct EventsArgs {
     #[arg(long, value_name = "ROBOT", value_parser = Name::robot)]
     pub robot: Option<Name>,
     /// Only of this kind; repeat it for several.
-    #[arg(long = "kind", value_name = "KIND", value_enum)]
-    pub kinds: Vec<KindArg>,
+    #[arg(long = "kind", value_name = "KIND", value_parser = history_kind())]
+    pub kinds: Vec<HistoryKind>,
     /// Only with this in their words, upper or lower case.
     #[arg(long, value_name = "TEXT")]
     pub search: Option<String>,
@@ -52,45 +52,6 @@ pub struct EventsArgs {
     /// Then each new one, until Ctrl-C.
     #[arg(long)]
     pub follow: bool,
-}
-
-/// What kind of event.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum KindArg {
-    /// A robot's agent began to run.
-    Started,
-    /// A robot's mode changed.
-    Mode,
-    /// A goal changed its status.
-    Goal,
-    /// Control of a robot changed hands.
-    Lease,
-    /// Something broke, or works again.
-    Fault,
-    /// A stop was latched, or reset.
-    Latch,
-    /// A task changed.
-    Task,
-    /// A robot came or went.
-    Presence,
-    /// An alert was raised, acknowledged or ended.
-    Alert,
-}
-
-impl From<KindArg> for HistoryKind {
-    fn from(kind: KindArg) -> Self {
-        match kind {
-            KindArg::Started => Self::Started,
-            KindArg::Mode => Self::Mode,
-            KindArg::Goal => Self::Goal,
-            KindArg::Lease => Self::Lease,
-            KindArg::Fault => Self::Fault,
-            KindArg::Latch => Self::Latch,
-            KindArg::Task => Self::Task,
-            KindArg::Presence => Self::Presence,
-            KindArg::Alert => Self::Alert,
-        }
-    }
 }
 
 /// What it prints with `--json`.
@@ -143,7 +104,7 @@ async fn page(
         limit: u32::try_from(limit).unwrap_or(u32::MAX).min(MAX_HISTORY_PAGE),
         since_ms: since.map(|since| u64::try_from(since.as_millis()).unwrap_or(u64::MAX)),
         robot: args.robot.clone(),
-        kinds: args.kinds.iter().map(|kind| HistoryKind::from(*kind)).collect(),
+        kinds: args.kinds.clone(),
         search: args.search.clone(),
     };
     match DispatcherClient::of(client).history(&request).await? {

@@ -6,8 +6,7 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::output::{Output, Tone};
-use crate::terminal::{Input, Terminal};
-use crossterm::event::KeyCode;
+use crate::terminal::Terminal;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal;
 use std::pin::pin;
@@ -47,11 +46,7 @@ async fn repaint(ctx: &Context, view: impl Fn() -> FleetView) -> Result<Exit> {
     loop {
         tokio::select! {
             () = &mut stop => return Ok(Exit::Done),
-            input = terminal.next() => match input {
-                Some(Input::Key(key)) if key.code != KeyCode::Char('q') && !Input::leaves(&key) => {}
-                Some(Input::FocusLost) => {}
-                _ => return Ok(Exit::Done),
-            },
+            () = terminal.left() => return Ok(Exit::Done),
             _ = tick.tick() => terminal.paint(&screen(ctx, &view()))?,
         }
     }

@@ -6,9 +6,8 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::output::Tone;
-use crate::terminal::{Input, Terminal};
+use crate::terminal::Terminal;
 use crate::text::task as task_text;
-use crossterm::event::KeyCode;
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::pin::pin;
@@ -61,18 +60,10 @@ async fn repaint(
     let mut trouble: Option<String> = None;
     loop {
         terminal.paint(&lines(ctx, args, &list, trouble.as_deref()))?;
-        // Kept over keys that say nothing: a list that is being asked for is not asked for anew.
-        let mut coming = pin!(next(client, news));
-        let came = loop {
-            tokio::select! {
-                () = &mut stop => return Ok(Exit::Done),
-                input = terminal.next() => match input {
-                    Some(Input::Key(key)) if key.code != KeyCode::Char('q') && !Input::leaves(&key) => {}
-                    Some(Input::FocusLost) => {}
-                    _ => return Ok(Exit::Done),
-                },
-                came = &mut coming => break came,
-            }
+        let came = tokio::select! {
+            () = &mut stop => return Ok(Exit::Done),
+            () = terminal.left() => return Ok(Exit::Done),
+            came = next(client, news) => came,
         };
         match came {
             Ok(newer) => (list, trouble) = (newer, None),
