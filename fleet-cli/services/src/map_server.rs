@@ -140,12 +140,13 @@ impl Told {
         if before == map.content() {
             return;
         }
-        self.maps.send_replace(Arc::clone(map));
         if before.map != map.hash() {
             self.map.send_replace(Arc::new(FleetMap::from(map.as_ref())));
         }
         self.places.send_replace(Arc::new(FleetPlaces::from(map.as_ref())));
         self.history.send_replace(Arc::new(editor.told()));
+        // Last: whoever follows it here finds the others in step.
+        self.maps.send_replace(Arc::clone(map));
         if let Some(version) = editor.told().versions.last() {
             tracing::info!("the map is version {} now, by {}: {}", version.number, version.by, version.why);
         }
