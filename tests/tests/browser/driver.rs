@@ -142,11 +142,12 @@ impl Browser {
         .await;
     }
 
-    /// What a script of the page's says; `store`, `view`, `aim`, `editor` and `pace` are the page's own.
+    /// What a script of the page's says, or what it threw; `store`, `view`, `aim`, `editor` and `pace` are the page's own.
     pub(crate) async fn ask(&self, script: &str) -> Value {
         let script = format!(
             "const tell = arguments[arguments.length - 1];
-             import('/assets/main.js').then(({{store, view, aim, editor, pace}}) => tell((() => {{ {script} }})()), () => tell(null));"
+             import('/assets/main.js').then(({{store, view, aim, editor, pace}}) => tell((() => {{ {script} }})()))
+                 .catch((error) => tell(`threw ${{error}}`));"
         );
         self.page.execute_async(&script, Vec::new()).await.unwrap()
     }

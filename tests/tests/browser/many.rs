@@ -38,8 +38,8 @@ async fn of_a_hundred_robots_those_in_trouble_stand_first_and_two_digits_find_on
     let first = "return document.querySelector('.robot-row')?.dataset.robot === 'car-77'";
     browser.until("the one that is latched stands first", first).await;
     assert_eq!(rows(&browser).await.as_array().unwrap().len(), 100);
-    let latched = "return document.querySelector('[data-filter=latched]').textContent";
-    assert_eq!(browser.ask(latched).await, "1 latched");
+    let latched = "return document.querySelector('[data-filter=latched]')?.textContent === '1 latched'";
+    browser.until("and is counted", latched).await;
 
     screen(&browser, "hundred").await;
     press(&browser, &['/']).await;
