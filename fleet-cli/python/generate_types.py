@@ -1,6 +1,6 @@
 """Makes src/xtb_fleet/messages.py from src/xtb_fleet/schemas.json; with --check it only compares.
 
-The schemas are those of the messages (core/protocol/tests/schemas.rs compares them).
+The schemas are those of the messages (core/protocol/tests/it/schemas.rs compares them).
 """
 
 from __future__ import annotations

@@ -49,6 +49,7 @@ impl From<ErrorKind> for Exit {
             ErrorKind::NoRouter
             | ErrorKind::NoRobot
             | ErrorKind::NoDispatcher
+            | ErrorKind::NoMap
             | ErrorKind::OutcomeUnknown
             | ErrorKind::NotAdmitted
             | ErrorKind::NotDispatched(DispatchCode::Unconfirmed) => Self::Unknown,
@@ -86,6 +87,7 @@ mod tests {
             (ErrorKind::NoRouter, "no_router", 3),
             (ErrorKind::NoRobot, "no_robot", 3),
             (ErrorKind::NoDispatcher, "no_dispatcher", 3),
+            (ErrorKind::NoMap, "no_map", 3),
             (ErrorKind::OutcomeUnknown, "outcome_unknown", 3),
             (ErrorKind::Refused(RejectCode::LeaseHeld), "lease_held", 1),
             (ErrorKind::NotDispatched(DispatchCode::KeepOut), "keep_out", 1),

@@ -18,6 +18,8 @@ pub enum ErrorKind {
     NoRobot,
     /// The fleet has no dispatcher.
     NoDispatcher,
+    /// Nobody serves the fleet a map.
+    NoMap,
     /// A request was sent and not answered.
     OutcomeUnknown,
     /// The robot refused.
@@ -56,6 +58,7 @@ impl ErrorKind {
             Self::NoRouter => "no_router".into(),
             Self::NoRobot => "no_robot".into(),
             Self::NoDispatcher => "no_dispatcher".into(),
+            Self::NoMap => "no_map".into(),
             Self::OutcomeUnknown => "outcome_unknown".into(),
             Self::Refused(code) => reasons::name(&code),
             Self::ParamRefused(code) => reasons::name(&code),
@@ -84,6 +87,9 @@ impl ErrorKind {
             }
             Self::NoRobot => "`fleet-cli list` shows the robots that answer",
             Self::NoDispatcher => "start one with `fleet-cli dispatch serve`",
+            Self::NoMap => {
+                "serve one with `fleet-cli map serve FILE` or `fleet-cli dispatch serve --map FILE`; `fleet-cli sim` serves its world's"
+            }
             Self::OutcomeUnknown => "`fleet-cli list` and `fleet-cli tasks` show what has become of it",
             Self::Refused(_) => "`fleet-cli why ROBOT` shows what keeps a robot from it",
             Self::ParamRefused(_) => {

@@ -41,13 +41,14 @@ pub struct Saved {
 /// Zones and places as they are now.
 ///
 /// # Errors
-/// [`ErrorKind::Config`]: nobody serves a map; [`ErrorKind::Failed`]: several programs do.
+/// [`ErrorKind::NoMap`]: nobody serves one; [`ErrorKind::Failed`]: several programs do.
 pub async fn draft(client: &Client) -> Result<MapDraft> {
     let mut served = map_source::served(client.bus(), client.keys(), client.settings().timeout).await?;
     let programs = served.len();
-    let map = served.pop().ok_or_else(nobody)?;
+    let map = served.pop().ok_or_else(map_source::no_map)?;
     one_place(programs)?;
     let places = map_source::places(client.bus(), client.keys(), client.settings().timeout).await?;
+    let places = places.unwrap_or_default();
     let base = MapContent { map: map.hash, places: places_hash(&places) };
     Ok(MapDraft { base, zones: map.zones, places })
 }
@@ -56,7 +57,7 @@ pub async fn draft(client: &Client) -> Result<MapDraft> {
 ///
 /// # Errors
 /// [`ErrorKind::NotEdited`]: the server refuses, as a conflict if the map has changed since; nothing has changed
-/// then. [`ErrorKind::Config`], [`ErrorKind::Failed`]: as of [`draft`]. [`ErrorKind::OutcomeUnknown`].
+/// then. [`ErrorKind::NoMap`], [`ErrorKind::Failed`]: as of [`draft`]. [`ErrorKind::OutcomeUnknown`].
 pub async fn save(client: &Client, draft: MapDraft, why: &str) -> Result<Saved> {
     client.may(Action::ChangeMap)?;
     let why = why.trim().to_owned();
@@ -88,12 +89,12 @@ pub async fn save(client: &Client, draft: MapDraft, why: &str) -> Result<Saved> 
     }
 }
 
-/// Who changed the map that is served, when and why; `None` = nobody serves one that says so.
+/// Who changed the map that is served, when and why.
 ///
 /// # Errors
-/// [`ErrorKind::Failed`] if the question could not be sent.
-pub async fn history(client: &Client) -> Result<Option<MapHistory>> {
-    Ok(histories(client).await?.pop())
+/// [`ErrorKind::NoMap`]: nobody serves one that can be changed; [`ErrorKind::Failed`] if the question could not be sent.
+pub async fn history(client: &Client) -> Result<MapHistory> {
+    histories(client).await?.pop().ok_or_else(unchangeable)
 }
 
 /// Of each program that serves a map.
@@ -108,17 +109,16 @@ async fn histories(client: &Client) -> Result<Vec<MapHistory>> {
 /// A change needs one program that serves the map.
 fn one_place(programs: usize) -> Result<()> {
     match programs {
-        0 => Err(nobody()),
+        0 => Err(unchangeable()),
         1 => Ok(()),
         many => {
-            let message = format!("{many} programs serve the fleet's map: a change would have no one place");
+            let message = format!("{many} programs serve the fleet's map: no single one could store the change");
             Err(Error::new(ErrorKind::Failed, message)
                 .hint("end all but one of them: `map serve`, simulators, `traffic serve` and `dispatch serve` with --map"))
         }
     }
 }
 
-fn nobody() -> Error {
-    Error::new(ErrorKind::Config, "nobody serves this fleet a map that can be changed")
-        .hint("serve one with `fleet-cli map serve FILE`; `fleet-cli sim` serves its world's map")
+fn unchangeable() -> Error {
+    Error::new(ErrorKind::NoMap, "no map that can be changed is served to this fleet")
 }

@@ -17,21 +17,27 @@ pub async fn served(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec
     answers(bus, &keys.map(), within).await
 }
 
-/// All places of the map that is served; empty if nobody serves any.
+/// All places of the map that is served; `None` if nobody serves one.
 ///
 /// # Errors
 /// [`ErrorKind::Failed`] if the question could not be sent.
-pub async fn places(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Vec<MapPlace>> {
+pub async fn places(bus: &Bus, keys: &FleetKeys, within: Duration) -> Result<Option<Vec<MapPlace>>> {
     let mut found = answers::<FleetPlaces>(bus, &keys.places(), within).await?;
-    Ok(found.pop().map(|found| found.places).unwrap_or_default())
+    Ok(found.pop().map(|found| found.places))
+}
+
+/// Nobody serves the fleet a map.
+#[must_use]
+pub fn no_map() -> Error {
+    Error::new(ErrorKind::NoMap, "no map is served to this fleet")
 }
 
 /// The place of this name.
 ///
 /// # Errors
-/// [`ErrorKind::Invalid`]: there is none, or no map is served; else as [`places`].
+/// [`ErrorKind::Invalid`]: there is none; [`ErrorKind::NoMap`]; else as [`places`].
 pub async fn place(bus: &Bus, keys: &FleetKeys, name: &str, within: Duration) -> Result<MapPlace> {
-    let known = places(bus, keys, within).await?;
+    let known = places(bus, keys, within).await?.ok_or_else(no_map)?;
     if let Some(place) = known.iter().find(|place| place.name.as_str() == name) {
         return Ok(place.clone());
     }

@@ -56,8 +56,8 @@ export function line(entry) {
   const { status, reason } = goalOf(head);
   const isOver = !["accepted", "running", "blocked"].includes(status);
   const took = isOver ? ` after ${Math.round((head.what.robot.tick_ms - goals[0].what.robot.tick_ms) / 1000)} s` : "";
-  const held = goals.filter((event) => goalOf(event).status === "blocked").length;
-  const text = `${head.what.robot.robot}: drive ${plain(status)}${took}${reason ? `: ${reason}` : ""}${held > 0 ? `, held up ${held} ×` : ""}`;
+  const blocked = goals.filter((event) => goalOf(event).status === "blocked").length;
+  const text = `${head.what.robot.robot}: drive ${plain(status)}${took}${reason ? `: ${reason}` : ""}${["", ", blocked once"][blocked] ?? `, blocked ${blocked} times`}`;
   return [text, happening(head)[1]];
 }
 

@@ -58,7 +58,7 @@ export function note(store, act, look) {
   const { preview, said, tool } = look;
   if (tool === "pose" && (preview || !said)) return poseNote(store, act, preview);
   if (preview) {
-    const heading = preview.yaw_rad === null ? "any heading" : degrees(preview.yaw_rad);
+    const heading = preview.yaw_rad === null ? "any yaw" : degrees(preview.yaw_rad);
     return html`<span><strong>${store.selected}</strong> to ${point(preview)}, ${heading}</span>
       ${tool === "goals" ? nothing : html`<button type="button" class="main" id="goal-send" @click=${act.sendGoal}>Send</button>
         <button type="button" aria-label="Discard this goal" @click=${act.dropGoal}>✕</button>`}`;

@@ -9,9 +9,9 @@
 import { chip } from "./words.js";
 
 // The words of its chip → how urgent it is; what is not here drives or stands as it should.
-const URGENT = { latched: 0, fault: 1, offline: 2, stale: 2, blocked: 3, stopped: 4 };
+const URGENT = { latched: 0, faulty: 1, missing: 2, stale: 2, blocked: 3, stopped: 4 };
 const QUIET = 5;
-export const STATES = [...Object.keys(URGENT), "driving", "wandering", "by hand", "transmitter", "idle"];
+export const STATES = [...Object.keys(URGENT), "driving", "wandering", "hand-driven", "transmitter", "idle"];
 const STATE_FROM = 3; // letters of a state that mean it
 
 export function state(robot) {

@@ -42,7 +42,7 @@ export function plain(name) {
 export function line(robot) {
   if (robot.alive === null) return "unknown: no connection";
   if (robot.age_ms === null && !robot.alive) return "missing";
-  if (!robot.alive) return "offline: motion unknown";
+  if (!robot.alive) return "missing: motion unknown";
   if (robot.stale) return "stale: motion unknown";
   if (robot.latches.length > 0) return `latched: ${robot.latches.map(reason).join(", ")}`;
   if (robot.why.length > 0) return robot.why.map((name) => standing(name, robot)[0]).join(", ");
@@ -54,7 +54,7 @@ export function line(robot) {
   return robot.mode === "teleop" ? "driven by hand" : mode(robot.mode);
 }
 
-const MODES = { goto: "driving", wander: "wandering", teleop: "by hand", manual: "transmitter" };
+const MODES = { goto: "driving", wander: "wandering", teleop: "hand-driven", manual: "transmitter" };
 
 function mode(name) {
   return MODES[name] ?? plain(name ?? "unknown");
@@ -63,10 +63,10 @@ function mode(name) {
 // What its chip says: [words, tone].
 export function chip(robot) {
   if (robot.alive === null) return ["unknown", ""];
-  if (!robot.alive) return ["offline", ""];
+  if (!robot.alive) return ["missing", ""];
   if (robot.stale) return ["stale", ""];
   if (robot.latches.length > 0) return ["latched", "bad"];
-  if (robot.faults.length > 0) return ["fault", "bad"];
+  if (robot.faults.length > 0) return ["faulty", "bad"];
   if (robot.goal?.status === "blocked") return ["blocked", "warn"];
   // What ends by itself is part of driving.
   if (!robot.why.some((name) => remedy(name, robot))) return [mode(robot.mode), "good"];
@@ -111,7 +111,7 @@ export function happening({ what }) {
   }
   const { robot, there, key } = what.presence;
   const who = robot ?? (key.includes("traffic") ? "traffic control" : "the dispatcher");
-  return [`${who} is ${there ? "online" : "offline"}`, there ? "" : "bad"];
+  return [`${who} is ${there ? "online" : "missing"}`, there ? "" : "bad"];
 }
 
 function robotEvent({ robot, kind }) {

@@ -74,11 +74,7 @@ pub(crate) async fn edit_map(client: &Client, draft: MapDraft, why: &str) -> Res
 
 /// Who changed the map, when and why.
 pub(crate) async fn map_history(client: &Client) -> Result<Value> {
-    match map_edit::history(client).await? {
-        Some(history) => value(&history),
-        None => Err(Error::new(ErrorKind::Failed, "no map with a history is served")
-            .hint("serve one with `fleet-cli map serve FILE`")),
-    }
+    value(&map_edit::history(client).await?)
 }
 
 /// As `stop`: who has stopped, and who has not said so. `known` are the robots that pages have seen.

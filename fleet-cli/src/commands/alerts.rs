@@ -172,7 +172,7 @@ async fn acknowledge(ctx: &Context, client: &Client, args: &AlertsAckArgs) -> Re
     }
     let unknown: Vec<String> = reply.unknown.iter().map(u64::to_string).collect();
     let message = format!("no such alert: {}", unknown.join(", "));
-    Err(Error::new(ErrorKind::Invalid, message).hint("`fleet-cli alerts --all` shows all that are kept"))
+    Err(Error::new(ErrorKind::Failed, message).hint("`fleet-cli alerts --all` shows all that are kept"))
 }
 
 /// Keeps showing them.

@@ -128,6 +128,6 @@ pub async fn run(ctx: &Context, args: &DispatchArgs) -> Result<Exit> {
 fn text(path: &Path, max_bytes: usize) -> Result<String> {
     files::text(path, max_bytes).map_err(|error| {
         Error::new(ErrorKind::Config, format!("cannot read {}: {error}", path.display()))
-            .hint("configs/tasks.toml is an example of a file of tasks, docs/guide/tasks.md of points")
+            .hint("configs/tasks.toml is an example of a file of tasks; `fleet-cli dispatch route --help` describes one of points")
     })
 }

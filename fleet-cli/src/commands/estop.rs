@@ -49,7 +49,8 @@ pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
         ctx.out.note(MAY_DRIVE);
     }
     if !ctx.out.json {
-        ctx.out.note("reset with `fleet-cli reset ROBOT`; this is not a safety-rated stop");
+        let whom = if args.who.all { "--all" } else { "ROBOT" };
+        ctx.out.note(&format!("reset with `fleet-cli reset {whom}`; this is not a safety-rated stop"));
         if args.who.all && DispatcherClient::of(&client).is_there().await {
             ctx.out.note("the dispatcher assigns no task until `fleet-cli dispatch activate`");
         }

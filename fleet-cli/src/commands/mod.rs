@@ -85,7 +85,7 @@ pub enum Verb {
     Estop(estop::EstopArgs),
     /// Reset latched stops whose cause is gone; robots stay stopped until a new command.
     Reset(reset::ResetArgs),
-    /// Set the pose of stopped robots, when its pose is uncertain or wrong.
+    /// Set the pose of stopped robots when it is uncertain or wrong.
     SetPose(set_pose::SetPoseArgs),
     /// Show, change and save settings of running robots, such as a speed limit.
     Param(param::ParamArgs),

@@ -63,7 +63,7 @@ async fn names(ctx: &Context, of: NamesOf) -> Result<Vec<String>> {
         }
         NamesOf::Places => {
             let places = map_source::places(client.bus(), client.keys(), WITHIN).await?;
-            Ok(places.iter().map(|place| place.name.to_string()).collect())
+            Ok(places.iter().flatten().map(|place| place.name.to_string()).collect())
         }
         NamesOf::Tags => {
             let (roster, places) = tokio::join!(
@@ -71,7 +71,7 @@ async fn names(ctx: &Context, of: NamesOf) -> Result<Vec<String>> {
                 map_source::places(client.bus(), client.keys(), WITHIN)
             );
             let of_robots = roster?.into_iter().flatten().flat_map(|entry| entry.tags);
-            let of_places = places.into_iter().flatten().flat_map(|place| place.tags);
+            let of_places = places.into_iter().flatten().flatten().flat_map(|place| place.tags);
             let tags: BTreeSet<String> = of_robots.chain(of_places.map(|tag| tag.to_string())).collect();
             Ok(tags.into_iter().collect())
         }

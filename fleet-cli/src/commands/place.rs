@@ -253,7 +253,7 @@ async fn list(ctx: &Context, args: &PlaceListArgs) -> Result<Exit> {
             let client = Client::open(&ctx.settings).await?;
             let places = map_source::places(client.bus(), client.keys(), ctx.settings.timeout).await;
             client.close().await;
-            places?
+            places?.ok_or_else(map_source::no_map)?
         }
     };
     let kind = args.kind.map(PlaceKind::from);

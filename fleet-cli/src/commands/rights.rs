@@ -115,8 +115,10 @@ impl Rights {
 /// The reason why nobody has answered, if it is that the router does not admit this client: asked on a session of its
 /// own, since that of the verb has ended with it.
 pub(super) async fn explained(settings: &Settings, error: Error) -> Error {
-    let unanswered =
-        matches!(error.kind, ErrorKind::NoRobot | ErrorKind::NoDispatcher | ErrorKind::OutcomeUnknown);
+    let unanswered = matches!(
+        error.kind,
+        ErrorKind::NoRobot | ErrorKind::NoDispatcher | ErrorKind::NoMap | ErrorKind::OutcomeUnknown
+    );
     if settings.identity.is_none() || !unanswered {
         return error;
     }

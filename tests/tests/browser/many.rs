@@ -106,7 +106,7 @@ async fn robots_are_filtered_by_name_number_alias_tag_and_state_and_no_row_moves
         ("fox", "xtb-1"),
         ("2", "xtb-2 xtb-12 xtb-21 xtb-22"),
         ("12", "xtb-12"),
-        ("off", "xtb-12"),
+        ("mis", "xtb-12"),
         ("blocked", "xtb-21"),
         ("driving", "xtb-22"),
         ("nobody", ""),
@@ -115,7 +115,7 @@ async fn robots_are_filtered_by_name_number_alias_tag_and_state_and_no_row_moves
     ] {
         assert_eq!(said[text], found, "{text:?} of {said}");
     }
-    assert_eq!(said["counts"], "1 latched 1 offline 1 blocked 1 driving 2 idle", "{said}");
+    assert_eq!(said["counts"], "1 latched 1 missing 1 blocked 1 driving 2 idle", "{said}");
     browser.end().await;
     fleet.end().await;
 }

@@ -86,7 +86,7 @@ async fn a_page_without_its_server_calls_robots_unknown() {
     browser.until("no bar of a fleet that is live", bar).await;
     drop(dashboard);
     let row = "const text = document.querySelector('[data-robot=xtb-1]').textContent;
-        return text.includes('unknown: no connection') && !text.includes('offline')";
+        return text.includes('unknown: no connection') && !text.includes('missing')";
     browser.until("an unknown robot", row).await;
     browser.end().await;
     fleet.end().await;

@@ -201,11 +201,12 @@ fn only_places_that_escape_write_to_the_terminal() {
 }
 
 #[test]
-fn every_file_that_the_readme_names_by_its_whole_path_is_there() {
-    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+fn every_file_that_readme_and_paths_name_by_its_whole_path_is_there() {
+    let text = |file| std::fs::read_to_string(root().join(file)).unwrap();
+    let readme = text("README.md") + &text("docs/paths.md");
     let folders = ["core/", "robot-agent/", "fleet-cli/", "tests/"];
     let named = readme.split('`').skip(1).step_by(2);
     let named = named.filter(|text| text.ends_with(".rs") && folders.iter().any(|it| text.starts_with(it)));
     let (there, missing): (Vec<&str>, Vec<&str>) = named.partition(|path| root().join(path).is_file());
-    assert!(there.len() > 20 && missing.is_empty(), "README names {missing:?}");
+    assert!(there.len() > 20 && missing.is_empty(), "they name {missing:?}");
 }

@@ -42,12 +42,12 @@ impl Entry<'_> {
             _ => String::new(),
         };
         let why = reason.map(|reason| format!(": {reason}")).unwrap_or_default();
-        let held_up = goals.iter().filter(|event| is_blocked(event)).count();
-        let held_up = match held_up {
+        let blocked = match goals.iter().filter(|event| is_blocked(event)).count() {
             0 => String::new(),
-            count => format!(", held up {count} ×"),
+            1 => ", blocked once".to_owned(),
+            times => format!(", blocked {times} times"),
         };
-        Some(format!("{} drive {}{took_s}{why}{held_up}", last.robot, reasons::name(&status)))
+        Some(format!("{} drive {}{took_s}{why}{blocked}", last.robot, reasons::name(&status)))
     }
 
     /// In words.
@@ -211,7 +211,7 @@ mod tests {
         let texts: Vec<String> = lines.iter().map(Entry::text).collect();
         assert_eq!(
             texts,
-            ["xtb-2 goal accepted", "xtb-1 drive reached after 12 s, held up 1 ×", "xtb-1 goal accepted"]
+            ["xtb-2 goal accepted", "xtb-1 drive reached after 12 s, blocked once", "xtb-1 goal accepted"]
         );
         assert_eq!(lines.iter().map(|line| line.events.len()).collect::<Vec<_>>(), [1, 9, 1]);
         let details: Vec<u64> = lines[1].events.iter().map(|event| event.number).collect();

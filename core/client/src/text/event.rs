@@ -35,10 +35,10 @@ pub fn task(TaskEvent { task, step, .. }: &TaskEvent) -> String {
     format!("{task} {}{on}{why}", reasons::name(&step.state))
 }
 
-/// Who has come or gone; a robot's name, or what service it is.
+/// Who has come, or is not there any more; a robot's name, or what service it is.
 #[must_use]
 pub fn presence(who: &str, there: bool) -> String {
-    if there { format!("{who} is online") } else { format!("{who} is GONE") }
+    if there { format!("{who} is online") } else { format!("{who} is missing") }
 }
 
 /// The dispatcher or traffic control, by the key of its presence.

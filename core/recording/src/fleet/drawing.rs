@@ -162,7 +162,7 @@ pub fn log(at_ns: u64, key: &Key, news: &AnyMessage) -> Option<Log> {
         AnyMessage::Event(event) => robot_line(event),
         AnyMessage::TaskEvent(event) => task_line(event),
         AnyMessage::Alive(true) => (INFO, "is online".to_owned()),
-        AnyMessage::Alive(false) => (WARNING, "is offline".to_owned()),
+        AnyMessage::Alive(false) => (WARNING, "is missing".to_owned()),
         AnyMessage::Estop(_) => (ERROR, "emergency stop requested".to_owned()),
         _ => return None,
     };

@@ -187,7 +187,7 @@ async fn served(client: &Client, within: Duration) -> Option<Map> {
 async fn places(client: &Client, within: Duration) -> Option<Vec<MapPlace>> {
     let found = map_source::places(client.bus(), client.keys(), within).await;
     let found = found.inspect_err(|failure| tracing::debug!("no places: {failure}")).ok()?;
-    (!found.is_empty()).then_some(found)
+    found.filter(|places| !places.is_empty())
 }
 
 fn read(message: &FleetMap) -> Option<Map> {

@@ -32,7 +32,7 @@ pub(super) async fn places(ctx: &Context) -> Result<Vec<MapPlace>> {
     let client = Client::open(&ctx.settings).await?;
     let places = map_source::places(client.bus(), client.keys(), ctx.settings.timeout).await;
     client.close().await;
-    places
+    places?.ok_or_else(map_source::no_map)
 }
 
 fn written(words: &[String]) -> Result<Vec<Written>> {

@@ -89,11 +89,7 @@ async fn live(ctx: &Context) -> Result<Vec<Map>> {
     messages.sort_by_key(|message| message.hash);
     messages.dedup_by_key(|message| message.hash);
     if messages.is_empty() {
-        return Err(Error::new(
-            ErrorKind::NoRobot,
-            format!("no map is served to fleet {}", ctx.settings.fleet),
-        )
-        .hint("serve one with `fleet-cli map serve FILE`; `fleet-cli sim` also serves one"));
+        return Err(map_source::no_map());
     }
     let broken = |error: xtb_nav::map::wire::WireError| {
         Error::new(ErrorKind::Failed, format!("the served map cannot be used: {error}"))

@@ -165,7 +165,7 @@ async fn follow(
 async fn the_fleets(ctx: &Context, client: &Client) -> Result<Map> {
     let served = map_source::served(client.bus(), client.keys(), ctx.settings.timeout).await?;
     let Some(message) = served.first() else {
-        return Err(Error::new(ErrorKind::Config, "no map is served to this fleet").hint(
+        return Err(map_source::no_map().hint(
             "serve one with `fleet-cli traffic serve --map FILE`; `fleet-cli sim` serves its world's \
                    map",
         ));

@@ -68,7 +68,7 @@ impl Cockpit {
             return ("tasks (v: events): unknown, no dispatcher found".to_owned(), Vec::new());
         };
         let old = format!("{} old", long_age(list.age_ms(now_ms)));
-        let gone = if scene.dispatcher() || self.playing.is_some() { "" } else { ", DISPATCHER GONE" };
+        let gone = if scene.dispatcher() || self.playing.is_some() { "" } else { ", NO DISPATCHER" };
         let count = task_text::count_list(&list.value);
         let title = format!("tasks (v: events): {count}{gone}, {old}");
         let open = list.value.tasks.iter().filter(|task| !task.state.is_final());

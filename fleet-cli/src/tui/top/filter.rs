@@ -18,8 +18,7 @@ fn word(standing: Standing) -> &'static str {
     match standing {
         Standing::Latched => "latched",
         Standing::Faulty => "faulty",
-        Standing::Missing => "missing",
-        Standing::Gone => "gone",
+        Standing::Missing | Standing::Gone => "missing",
         Standing::Stale => "stale",
         Standing::Hindered => "blocked",
         Standing::Stands => "stopped",

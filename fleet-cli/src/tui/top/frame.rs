@@ -126,7 +126,7 @@ impl Cockpit {
             (&[Standing::Latched], "LATCHED"),
             (&[Standing::Faulty], "FAULTY"),
             (&[Standing::Stale], "STALE"),
-            (&[Standing::Gone, Standing::Missing], "GONE"),
+            (&[Standing::Gone, Standing::Missing], "MISSING"),
         ] {
             let found = count(wanted);
             if found > 0 {

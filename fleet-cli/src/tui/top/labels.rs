@@ -103,10 +103,10 @@ mod tests {
     #[test]
     fn a_line_that_is_too_long_ends_in_an_ellipsis_and_keeps_its_colours() {
         let red = Style::new().fg(Color::Red);
-        let line = || Line::from(vec![Span::raw("  3.0 s "), Span::styled("xtb-1 is GONE", red)]);
+        let line = || Line::from(vec![Span::raw("  3.0 s "), Span::styled("xtb-1 is missing", red)]);
         let text =
             |most| fitted(line(), most).spans.iter().map(|span| span.content.to_string()).collect::<String>();
-        assert_eq!(text(21), "  3.0 s xtb-1 is GONE");
+        assert_eq!(text(24), "  3.0 s xtb-1 is missing");
         assert_eq!(text(17), "  3.0 s xtb-1 is…");
         assert_eq!(text(8), "  3.0 s…");
         assert_eq!(fitted(line(), 17).spans[1].style, red);

@@ -16,9 +16,9 @@ fn every_robot_is_told_apart_in_the_table_at_both_sizes() {
         assert!(blocked.contains("goto"), "{blocked}");
         assert!(line(&shown, "LATCHED estop").contains("xtb-3"), "{all}");
         assert!(line(&shown, "STALE for 4.0 s").contains("xtb-4"), "{all}");
-        assert!(line(&shown, "GONE for 5.0 s").contains("xtb-5"), "{all}");
+        assert!(line(&shown, "MISSING for 5.0 s").contains("xtb-5"), "{all}");
         assert!(line(&shown, "MISSING").contains("xtb-6"), "{all}");
-        for word in ["6 robots", "1 driving", "1 blocked", "1 LATCHED", "1 STALE", "2 GONE"] {
+        for word in ["6 robots", "1 driving", "1 blocked", "1 LATCHED", "1 STALE", "2 MISSING"] {
             assert!(shown[0].contains(word), "{word}: {}", shown[0]);
         }
     }
@@ -153,13 +153,13 @@ fn a_lost_link_is_a_banner_with_its_age_and_goes_away_by_itself() {
 #[test]
 fn tasks_take_the_place_of_events_and_the_other_way_round() {
     let (mut cockpit, scene) = (cockpit(), fleet());
-    line(&screen(&mut cockpit, &scene, 80, 24), "xtb-5 is GONE");
+    line(&screen(&mut cockpit, &scene, 80, 24), "xtb-5 is missing");
     letter(&mut cockpit, &scene, 'v');
     let shown = screen(&mut cockpit, &scene, 160, 50);
     assert!(line(&shown, "t3 running").contains("goto (1.00, 2.00)"));
     line(&shown, "1 running, 1.0 s old");
     letter(&mut cockpit, &scene, 'v');
-    line(&screen(&mut cockpit, &scene, 80, 24), "xtb-5 is GONE");
+    line(&screen(&mut cockpit, &scene, 80, 24), "xtb-5 is missing");
 }
 
 #[test]
