@@ -109,6 +109,12 @@ pub struct WhoArgs {
 }
 
 impl WhoArgs {
+    /// The robots that are named, where there are tags besides: those need not wait for the roster.
+    pub(crate) fn at_once(&self) -> Option<Targets> {
+        let named = robots::named(&self.robots);
+        (named.tags && !named.names.is_empty()).then_some(Targets::Robots(named.names))
+    }
+
     /// Whom that means, and which tag nobody has: the others are not left alone because of it.
     ///
     /// # Errors
@@ -117,7 +123,7 @@ impl WhoArgs {
         if self.all {
             return Ok((Targets::All { expect: self.expect.clone(), known: Vec::new() }, None));
         }
-        let meant = robots::meant(client, &self.robots).await?;
+        let meant = robots::meant(client, &self.robots).await;
         match meant.unknown {
             Some(error) if meant.names.is_empty() => Err(error),
             unknown => Ok((Targets::Robots(meant.names), unknown)),

@@ -40,7 +40,7 @@ impl RobotsWord {
 pub(crate) struct Robots {
     /// Each once, in the order in which they were written; those of a tag by their numbers.
     pub(crate) names: Vec<Name>,
-    /// The first tag that nobody has.
+    /// The first tag that nobody has, or why the roster could not be asked for.
     pub(crate) unknown: Option<Error>,
 }
 
@@ -48,20 +48,40 @@ impl Robots {
     /// All of them.
     ///
     /// # Errors
-    /// [`ErrorKind::Invalid`]: a tag that nobody has.
+    /// [`ErrorKind::Invalid`]: a tag that nobody has; [`ErrorKind::Failed`]: the roster could not be asked for.
     pub(crate) fn all(self) -> Result<Vec<Name>> {
         self.unknown.map_or(Ok(self.names), Err)
     }
 }
 
 /// Whom `words` mean; the roster is asked for only if there is a tag among them.
-///
-/// # Errors
-/// [`ErrorKind::Failed`] if the question for the roster could not be sent.
-pub(crate) async fn meant(client: &Client, words: &[RobotsWord]) -> Result<Robots> {
-    let has_tag = words.iter().flat_map(|word| &word.0).any(|meant| matches!(meant, Meant::Tag(_)));
-    let roster = if has_tag { client.roster_entries(&[]).await?.unwrap_or_default() } else { Vec::new() };
-    Ok(of(words, &roster))
+pub(crate) async fn meant(client: &Client, words: &[RobotsWord]) -> Robots {
+    let named = named(words);
+    if !named.tags {
+        return of(words, &[]);
+    }
+    match client.roster_entries(&[]).await {
+        Ok(roster) => of(words, &roster.unwrap_or_default()),
+        Err(error) => Robots { names: named.names, unknown: Some(error) },
+    }
+}
+
+/// The robots that are named as such.
+pub(crate) struct Named {
+    pub(crate) names: Vec<Name>,
+    /// Whether there are tags besides.
+    pub(crate) tags: bool,
+}
+
+pub(crate) fn named(words: &[RobotsWord]) -> Named {
+    let mut named = Named { names: Vec::new(), tags: false };
+    for meant in words.iter().flat_map(|word| &word.0) {
+        match meant {
+            Meant::Robot(name) => named.names.push(name.clone()),
+            Meant::Tag(_) => named.tags = true,
+        }
+    }
+    Named { names: once_each(&named.names), ..named }
 }
 
 fn of(words: &[RobotsWord], roster: &[RosterEntry]) -> Robots {

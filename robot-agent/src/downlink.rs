@@ -173,6 +173,8 @@ pub(crate) struct Saving {
     pub(crate) file: Option<PathBuf>,
     /// To the control loop.
     pub(crate) saved: SyncSender<Vec<ParamValue>>,
+    /// Who writes the file.
+    pub(crate) turn: Arc<tokio::sync::Mutex<()>>,
 }
 
 impl Saving {
@@ -184,6 +186,8 @@ impl Saving {
             return ParamReply::refused(reply.id, ParamCode::NoFile, message, hint);
         };
         let changes: Vec<Change> = values.iter().map(|value| Change::new(&value.name, value.value)).collect();
+        // One after the other: each reads the file, changes it and writes it.
+        let _turn = self.turn.lock().await;
         let written = tokio::task::spawn_blocking(move || settings_file::write(&file, &changes)).await;
         let failed = match written {
             Ok(Ok(())) => {

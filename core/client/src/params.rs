@@ -30,13 +30,20 @@ pub async fn list(client: &Client, robot: &Name) -> Result<ParamList> {
 /// # Errors
 /// The robot's refusal ([`ErrorKind::ParamRefused`]), as [`Control::acquire`], or [`ErrorKind::OutcomeUnknown`].
 pub async fn set(client: &Client, robot: &Name, values: Vec<ParamValue>, take: bool) -> Result<ParamList> {
-    let body = ParamBody::Set { values };
-    match ask(client, robot, None, body.clone()).await {
+    match set_without_control(client, robot, values.clone()).await {
         Err(Error { kind: ErrorKind::ParamRefused(ParamCode::LeaseRequired), .. }) => {
-            with_control(client, robot, body, take).await
+            with_control(client, robot, ParamBody::Set { values }, take).await
         }
         done => done,
     }
+}
+
+/// As [`set`] for what needs no control of the robot: what makes it more careful.
+///
+/// # Errors
+/// The robot's refusal ([`ErrorKind::ParamRefused`]), or [`ErrorKind::OutcomeUnknown`].
+pub async fn set_without_control(client: &Client, robot: &Name, values: Vec<ParamValue>) -> Result<ParamList> {
+    ask(client, robot, None, ParamBody::Set { values }).await
 }
 
 /// Has the robot write what was changed into its own settings file.

@@ -62,6 +62,8 @@ pub struct Controller {
     remote: RemoteStage,
     /// What the speed stick commands in mode manual, as a pulse.
     stick: PwmCount,
+    /// What it may drive at most where no range finder looks, as a pulse.
+    crawl: PwmCount,
     reset: ResetMask,
     rezeroed: bool,
     tilt: TiltAngles,
@@ -101,6 +103,7 @@ impl Controller {
             wander: None,
             remote: RemoteStage::default(),
             stick: PwmCount::NEUTRAL,
+            crawl: PwmCount::NEUTRAL,
             reset: ResetMask::default(),
             rezeroed: false,
             tilt: TiltAngles::default(),
@@ -151,13 +154,24 @@ impl Controller {
         let window_s = self.config.encoder.window_s;
         self.odometry.advance(self.rpm, window_s, self.config.geometry.wheel_diameter_m);
         self.travel_m += self.rpm * self.config.mps_per_rpm() * window_s;
-        if self.mode == Mode::Manual {
-            return; // the transmitter commands the motor itself
-        }
-        if self.reference_rpm == 0.0 || self.blocked() || !may_drive {
+        let reference_rpm = match self.mode {
+            Mode::Manual if self.is_seen() => return, // the transmitter commands the motor itself
+            Mode::Manual => self.config.by_hand_rpm(f64::MAX.copysign(self.demanded())),
+            _ => self.reference_rpm,
+        };
+        if reference_rpm == 0.0 || self.blocked() || !may_drive {
             self.hold();
-        } else {
-            self.motor = self.speed.step(speed, window_s, self.reference_rpm, self.rpm);
+            return;
+        }
+        let pulse = self.speed.step(speed, window_s, reference_rpm, self.rpm);
+        match self.mode {
+            Mode::Manual => {
+                self.crawl = pulse;
+                if self.by_stick() == self.stick {
+                    self.speed.reset(); // it was not its pulse that drove
+                }
+            }
+            _ => self.motor = pulse,
         }
     }
 
@@ -286,7 +300,7 @@ impl Controller {
             self.wander_phase(turned);
         }
         if self.mode == Mode::Manual {
-            self.motor = self.stick;
+            self.motor = self.by_stick();
         }
         if self.blocked() {
             self.hold();
@@ -316,11 +330,30 @@ impl Controller {
         }
     }
 
+    /// Whether a range finder looks where it is to drive.
+    fn is_seen(&self) -> bool {
+        self.config.range_finders.gears().allow(self.demanded())
+    }
+
+    /// The motor's pulse in mode manual: the stick's, and where no range finder looks no more than holds the speed
+    /// there.
+    fn by_stick(&self) -> PwmCount {
+        let offset = |pulse: PwmCount| pulse.as_f64() - PwmCount::NEUTRAL.as_f64();
+        let (stick, crawl) = (offset(self.stick), offset(self.crawl));
+        if self.is_seen() || (stick * crawl > 0.0 && stick.abs() < crawl.abs()) {
+            self.stick
+        } else if stick * crawl > 0.0 {
+            self.crawl
+        } else {
+            PwmCount::NEUTRAL
+        }
+    }
+
     /// Whether an obstacle lies in the driving direction, or nobody looks there: neither a range finder nor a person who
     /// drives. Wander's reversing has a rule of its own for obstacles.
     fn blocked(&self) -> bool {
         let (demanded, by_hand) = (self.demanded(), matches!(self.mode, Mode::Manual | Mode::Teleop));
-        let is_seen = by_hand || self.config.range_finders.gears().allow(demanded);
+        let is_seen = by_hand || self.is_seen();
         let reversing_in_wander = self.mode == Mode::Wander && self.reference_rpm < 0.0;
         !is_seen || (!reversing_in_wander && self.obstacle.blocks(demanded))
     }
@@ -335,7 +368,7 @@ impl Controller {
 
     /// Motor neutral at once, PID reset; the reference stays.
     fn hold(&mut self) {
-        self.motor = PwmCount::NEUTRAL;
+        (self.motor, self.crawl) = (PwmCount::NEUTRAL, PwmCount::NEUTRAL);
         self.speed.reset();
     }
 

@@ -100,6 +100,8 @@ pub struct Charge {
     pub need: Option<Need>,
     /// The dock that it stands at.
     pub visit: Option<Visit>,
+    /// Whether it ever measured its voltage: one that does not any more may be empty.
+    measured: bool,
     below_since_ms: Option<u64>,
     is_below: bool,
     /// Where it was when it last had come on, and when, in ms since 1970.
@@ -119,7 +121,7 @@ impl Charge {
     /// Whether it has been charged enough to work.
     #[must_use]
     pub fn is_enough(&self, rules: &HomeRules) -> bool {
-        self.volts.is_none_or(|volts| volts >= self.resume_v(rules))
+        self.volts.map_or(!self.measured, |volts| volts >= self.resume_v(rules))
     }
 
     /// Whether it has to stay at the dock where it stands.
@@ -161,6 +163,7 @@ impl Charge {
         dock: Option<&Name>,
     ) {
         self.volts = volts;
+        self.measured |= volts.is_some();
         let now_v = self.levels.finish_v + rules.settings.now_margin_v;
         self.below_since_ms = match volts {
             Some(volts) if volts < now_v => self.below_since_ms.or(Some(now_ms)),

@@ -27,7 +27,7 @@ pub const MEETING_MPS: f64 = 0.2;
 config_section! {
     /// Along a path.
     DriveSettings "navigation.drive" {
-        limit_mps: f64 = 1.0, "m/s", Range(0.1, 1.0), Ours, "Never faster than this, on planned paths or by hand, whatever else allows more. May be changed while the robot runs (`fleet-cli param`).";
+        limit_mps: f64 = 1.0, "m/s", Range(0.1, 1.0), Ours, "Never faster than this, on planned paths or by hand over the network, whatever else allows more. May be changed while the robot runs (`fleet-cli param`).";
         cruise_mps: f64 = CRUISE_MPS, "m/s", Range(0.1, 1.0), Ours, "Maximum speed, on stretches with traffic clearance.";
         meeting_mps: f64 = MEETING_MPS, "m/s", Range(0.1, 0.5), Ours, "Maximum speed without traffic control: two robots that meet each need their own stopping distance.";
         look_ahead_m: f64 = 0.22, "m", Range(0.15, 0.6), Ours, "Look-ahead at standstill: pose errors decay over about this distance.";

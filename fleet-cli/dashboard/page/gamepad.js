@@ -5,6 +5,8 @@
 //    ▲                       │
 //    └── deadman released, pad gone, silent for 3 s, taken away by the page ──▶ spent ──deadman released──▶ up
 //
+// Of several pads the one drives whose button was pressed first; while another one's button is held too, releasing
+// it hands nothing over: spent, until none is held.
 // Whoever takes the hand away (the window lost its focus, a tick came late) leaves the deadman button spent: it has
 // to be released and pressed anew. It is spent at first too, so that a button that is stuck drives nobody.
 
@@ -26,7 +28,7 @@ export class Gamepad {
     const there = [...pads].filter((pad) => pad?.connected);
     const usable = there.filter((pad) => pad.mapping === "standard");
     const pad = this.#state === "held" ? usable.find((one) => one.index === this.#index) : usable.find(isHeld) ?? usable[0];
-    this.#step(pad, nowMs);
+    this.#step(pad, usable.some(isHeld), nowMs);
     this.says = words(this.#state, pad, there.length);
     if (this.#state !== "held") return null;
     const [x, y] = [pad.axes[STEERING], -pad.axes[THROTTLE]];
@@ -39,14 +41,14 @@ export class Gamepad {
     this.#index = null;
   }
 
-  #step(pad, nowMs) {
+  #step(pad, isAnyHeld, nowMs) {
     if (!pad) {
       this.release();
       return;
     }
     const held = isHeld(pad);
     if (!held) {
-      this.#state = "up";
+      this.#state = isAnyHeld ? "spent" : "up";
       this.#index = null;
     } else if (this.#state === "up") {
       [this.#state, this.#index, this.#stamp, this.#changedMs] = ["held", pad.index, pad.timestamp, nowMs];

@@ -198,7 +198,7 @@ function actions() {
       held = null;
       changed();
     },
-    resetAll: () => ask({ reset_all: {} }, "Reset of all"),
+    resetAll: (shown) => ask({ reset_all: { shown } }, "Reset of all"),
     cancel: (task) => ask({ cancel: { task } }, `Cancel of ${task}`),
     acknowledge: (ids) => ask({ acknowledge: { ids } }, "Acknowledgement"),
     muteAlerts() {

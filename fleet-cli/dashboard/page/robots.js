@@ -12,17 +12,18 @@ export function chipOf(robot) {
   return html`<span class="chip ${tone}">${words}</span>`;
 }
 
-// All that is latched at once: asks first. What is stale may be latched or not, and is not counted.
-let asked = false;
+// All that is latched at once: asks first, and resets what it has shown. What is stale may be latched or not, and is
+// not counted.
+let asked = null; // a robot's name → its latches, as they are shown
 export function resetAll(robots, store, act) {
   const latched = robots.filter((robot) => robot.latches?.length > 0);
   if (latched.length === 0 || !store.controls()) {
-    asked = false;
+    asked = null;
     return nothing;
   }
   const press = (asks, reset) => () => {
-    asked = asks;
-    if (reset) act.resetAll();
+    if (reset) act.resetAll(asked);
+    asked = asks ? Object.fromEntries(latched.map((robot) => [robot.name, robot.latches])) : null;
     act.changed();
   };
   if (!asked) {
@@ -32,7 +33,7 @@ export function resetAll(robots, store, act) {
       Reset all (${latched.length} latched)</button></div>`;
   }
   return html`<div class="box warn" role="alertdialog" aria-label="Reset all">
-    <p><strong>Reset ${latched.map((robot) => robot.name).join(", ")}?</strong>
+    <p><strong>Reset ${Object.keys(asked).join(", ")}?</strong>
       ${store.isSuspended() ? "The dispatcher is suspended: it assigns no task until it is activated."
         : store.dispatcher() ? "The dispatcher may assign them tasks at once." : "No robot moves until a new goal."}</p>
     <div class="row"><button type="button" id="reset-all-yes" @click=${press(false, true)}>Reset</button>

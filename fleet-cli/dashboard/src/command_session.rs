@@ -120,13 +120,13 @@ impl CommandSession {
                 if stops {
                     self.orders.halt(stopped.as_ref());
                 }
-                let (ended, name) = (self.ended.clone(), command.name());
+                let (ended, name, driven) = (self.ended.clone(), command.name(), driving.clone());
                 let known: Vec<Name> = self.app.shown.scene.lock().robots().keys().cloned().collect();
                 tokio::spawn(async move {
                     let result = tokio::select! {
                         biased;
                         Ok(()) = halted => Err(overtaken()),
-                        result = carry_out(&client, &known, command) => result,
+                        result = carry_out(&client, &known, driven.as_ref(), command) => result,
                     };
                     // The page may have left.
                     let _ = ended.send(Done::Command { id, name, ticket, result }).await;
@@ -267,7 +267,12 @@ fn overtaken() -> Error {
     Error::new(ErrorKind::Refused(RejectCode::Overtaken), "interrupted by a stop: not executed, or stopped")
 }
 
-async fn carry_out(client: &Client, known: &[Name], command: Command) -> Result<Value> {
+async fn carry_out(
+    client: &Client,
+    known: &[Name],
+    driving: Option<&Name>,
+    command: Command,
+) -> Result<Value> {
     match command {
         Command::Goto { robot, x_m, y_m, yaw_rad, via, take } => {
             execute::goto(client, robot, Point { x_m, y_m, yaw_rad, via }, take).await
@@ -275,8 +280,8 @@ async fn carry_out(client: &Client, known: &[Name], command: Command) -> Result<
         Command::Stop { robot } => execute::stop(client, known, robot).await,
         Command::Estop { robot } => execute::estop(client, known, robot).await,
         Command::Reset { robot, take } => execute::reset(client, robot, take).await,
-        Command::ResetAll {} => execute::reset_all(client).await,
-        Command::SpeedLimit { mps } => execute::speed_limit(client, mps).await,
+        Command::ResetAll { shown } => execute::reset_all(client, shown).await,
+        Command::SpeedLimit { mps } => execute::speed_limit(client, mps, driving).await,
         Command::Submit { spec } => execute::submit(client, *spec).await,
         Command::SetPose { robot, x_m, y_m, yaw_rad, take } => {
             execute::set_pose(client, robot, [x_m, y_m, yaw_rad], take).await

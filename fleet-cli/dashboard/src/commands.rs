@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::collections::BTreeMap;
 use xtb_client::Error;
 use xtb_identity::Action;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{MapContent, MapPlace, MapZone, TaskId, TaskSpec, Via};
+use xtb_protocol::messages::{Latch, MapContent, MapPlace, MapZone, TaskId, TaskSpec, Via};
 
 /// A message from the page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -86,7 +87,11 @@ pub(super) enum Command {
         take: bool,
     },
     /// End the latched stops of every robot that has any.
-    ResetAll {},
+    ResetAll {
+        /// The latches that the person was shown, robot by robot: what was latched since stays so; `None` = all.
+        #[serde(default)]
+        shown: Option<BTreeMap<Name, Vec<Latch>>>,
+    },
     /// No robot drives faster from now on.
     SpeedLimit {
         /// In m/s.
@@ -165,7 +170,7 @@ impl Command {
             Self::Stop { .. } => "stop",
             Self::Estop { .. } => "estop",
             Self::Reset { .. } => "reset",
-            Self::ResetAll {} => "reset_all",
+            Self::ResetAll { .. } => "reset_all",
             Self::SpeedLimit { .. } => "speed_limit",
             Self::Submit { .. } => "submit",
             Self::Cancel { .. } => "cancel",
@@ -193,7 +198,7 @@ impl Command {
             | Self::SetPose { .. }
             | Self::Stop { .. }
             | Self::Reset { .. }
-            | Self::ResetAll {}
+            | Self::ResetAll { .. }
             | Self::SpeedLimit { .. }
             | Self::Teleop { .. }
             | Self::TeleopEnd {} => Action::Drive,
@@ -217,7 +222,7 @@ impl Command {
             | Self::Reset { robot, .. }
             | Self::Teleop { robot, .. } => Some(robot),
             Self::Stop { robot } | Self::Estop { robot } => robot.as_ref(),
-            Self::ResetAll {}
+            Self::ResetAll { .. }
             | Self::SpeedLimit { .. }
             | Self::Submit { .. }
             | Self::Cancel { .. }

@@ -3,6 +3,7 @@
 use futures_util::future::join_all;
 use serde::Serialize;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_client::dispatcher_client::fleet_stop;
@@ -16,7 +17,7 @@ use xtb_client::{Error, ErrorKind, Result};
 use xtb_client::{estop, params, stop};
 use xtb_control::frames::wrap_rad;
 use xtb_protocol::messages::{
-    AckBody, AckRequest, Body, DispatchBody, HistoryPlace, HistoryReply, HistoryRequest, LinkLoss,
+    AckBody, AckRequest, Body, DispatchBody, HistoryPlace, HistoryReply, HistoryRequest, Latch, LatchState, LinkLoss,
     ParamValue, TaskId, TaskSpec, Via,
 };
 use xtb_protocol::{Name, Uuid};
@@ -97,11 +98,25 @@ pub(crate) async fn reset(client: &Client, robot: Name, take: bool) -> Result<Va
     }
 }
 
-/// As `reset --all --yes`: what came of each robot that had anything latched, and whose state is unknown.
-pub(crate) async fn reset_all(client: &Client) -> Result<Value> {
+/// As `reset --all`: what came of each robot that had anything latched, and whose state is unknown. A robot with a latch
+/// that is not among those `shown` is not reset.
+pub(crate) async fn reset_all(
+    client: &Client,
+    shown: Option<BTreeMap<Name, Vec<Latch>>>,
+) -> Result<Value> {
     let ResetCandidates { latched, unknown, .. } = reset::candidates(client, &[]).await?;
-    let robots: Vec<Name> = latched.into_iter().map(|(robot, _)| robot).collect();
-    let ended = reset::each(client, &robots, None, false).await;
+    let was_shown = |(robot, latches): &(Name, Vec<LatchState>)| {
+        let Some(shown) = &shown else { return true };
+        let known = shown.get(robot).map(Vec::as_slice).unwrap_or_default();
+        latches.iter().all(|set| known.contains(&set.latch))
+    };
+    let (same, newly): (Vec<_>, Vec<_>) = latched.into_iter().partition(was_shown);
+    let robots: Vec<Name> = same.into_iter().map(|(robot, _)| robot).collect();
+    let mut ended = reset::each(client, &robots, None, false).await;
+    ended.extend(newly.into_iter().map(|(robot, _)| {
+        let error = Error::new(ErrorKind::Failed, "it was latched after the question: it is not reset");
+        (robot, Err(error))
+    }));
     let told = |(robot, ended): (Name, xtb_client::Result<ResetReport>)| {
         let told = match ended {
             Ok(report) => value(&report)?,
@@ -113,15 +128,21 @@ pub(crate) async fn reset_all(client: &Client) -> Result<Value> {
     Ok(json!({ "robots": robots, "unknown": unknown }))
 }
 
-/// As `param set limit_mps MPS --all`: on which robots it was set, and which refused.
-pub(crate) async fn speed_limit(client: &Client, mps: f64) -> Result<Value> {
+/// As `param set limit_mps MPS --all`: on which robots it was set, and which refused. The robot that this page drives
+/// by hand refuses a higher limit, for which control would have to be acquired anew.
+pub(crate) async fn speed_limit(client: &Client, mps: f64, driving: Option<&Name>) -> Result<Value> {
     const LIMIT: &str = "navigation.drive.limit_mps";
     let robots: Vec<Name> = client.alive().await?.into_iter().collect();
     if robots.is_empty() {
         return Err(client.nobody());
     }
     let value = || vec![ParamValue { name: LIMIT.to_owned(), value: mps }];
-    let each = robots.iter().map(|robot| params::set(client, robot, value(), false));
+    let each = robots.iter().map(|robot| async move {
+        match driving == Some(robot) {
+            true => params::set_without_control(client, robot, value()).await,
+            false => params::set(client, robot, value(), false).await,
+        }
+    });
     let (mut set, mut refused) = (Vec::new(), serde_json::Map::new());
     for (robot, done) in robots.iter().zip(join_all(each).await) {
         match done {

@@ -168,7 +168,8 @@ struct Detail {
 pub(super) struct Known {
     /// `None` = nothing was said of a map.
     map: Option<Option<MapHash>>,
-    places: Vec<MapPlace>,
+    /// `None` = nothing was said of them.
+    places: Option<Vec<MapPlace>>,
     /// When the list came, and from when it is.
     tasks: Option<(AtMs, u64)>,
     /// As they were sent last.
@@ -225,9 +226,9 @@ impl Known {
     }
 
     fn places(&mut self, scene: &Scene) -> Option<ToPage> {
-        (self.places != scene.places()).then(|| {
-            self.places = scene.places().to_vec();
-            ToPage::Places(self.places.clone())
+        (self.places.as_deref() != Some(scene.places())).then(|| {
+            self.places = Some(scene.places().to_vec());
+            ToPage::Places(scene.places().to_vec())
         })
     }
 

@@ -63,7 +63,7 @@ impl Orders {
             let message = format!("the last command to {robot} is not answered yet");
             return Err(Error::new(ErrorKind::Refused(RejectCode::Busy), message).hint("wait for its answer"));
         }
-        let resets_all = matches!(command, Command::ResetAll {});
+        let resets_all = matches!(command, Command::ResetAll { .. });
         if let Some(robot) = driving.filter(|_| resets_all) {
             let message = format!("this page is driving {robot} by hand");
             return Err(Error::new(ErrorKind::Refused(RejectCode::Busy), message).hint("end that first"));
@@ -131,20 +131,20 @@ mod tests {
     #[test]
     fn a_stop_of_anybody_overtakes_a_reset_of_all() {
         let mut orders = Orders::default();
-        let refused = orders.admit(&Command::ResetAll {}, Some(&name("xtb-1"))).unwrap_err();
+        let refused = orders.admit(&Command::ResetAll { shown: None }, Some(&name("xtb-1"))).unwrap_err();
         assert!(refused.message.contains("driving xtb-1 by hand"), "{refused}");
-        let (ticket, mut halted) = orders.admit(&Command::ResetAll {}, None).unwrap();
-        assert!(orders.admit(&Command::ResetAll {}, None).is_err(), "one at a time");
+        let (ticket, mut halted) = orders.admit(&Command::ResetAll { shown: None }, None).unwrap();
+        assert!(orders.admit(&Command::ResetAll { shown: None }, None).is_err(), "one at a time");
         assert!(halted.try_recv().is_err());
         orders.halt(Some(&name("xtb-2")));
         assert!(halted.try_recv().is_ok());
         drop(halted);
-        let (next, halted) = orders.admit(&Command::ResetAll {}, None).unwrap();
+        let (next, halted) = orders.admit(&Command::ResetAll { shown: None }, None).unwrap();
         orders.ended(ticket);
-        assert!(orders.admit(&Command::ResetAll {}, None).is_err(), "the newer one goes on");
+        assert!(orders.admit(&Command::ResetAll { shown: None }, None).is_err(), "the newer one goes on");
         drop(halted);
         orders.ended(next);
-        assert!(orders.admit(&Command::ResetAll {}, None).is_ok());
+        assert!(orders.admit(&Command::ResetAll { shown: None }, None).is_ok());
     }
 
     #[test]

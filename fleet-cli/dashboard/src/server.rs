@@ -27,11 +27,12 @@ use tokio::time::MissedTickBehavior;
 use tokio_rustls::TlsAcceptor;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Uuid;
+use xtb_protocol::messages::{MapEdit, Message as _};
 
 /// Pages that may be connected at once.
 pub(super) const MOST_SOCKETS: usize = 16;
-/// Longest message from a page, in bytes.
-const MAX_MESSAGE: usize = 256 * 1024;
+/// Longest message from a page, in bytes: an edit of the map.
+const MAX_MESSAGE: usize = MapEdit::MAX_BYTES;
 /// Bytes of a message that wait for the network before it is told to take them.
 const WRITE_BUFFER: usize = 64 * 1024;
 /// What the system keeps for a page that does not read, in bytes; else it may be megabytes.

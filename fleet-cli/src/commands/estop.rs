@@ -39,12 +39,22 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// No router for a minute, or nobody to stop.
 pub async fn run(ctx: &Context, args: &EstopArgs) -> Result<Exit> {
     let client = open(ctx).await?;
-    let (targets, unknown) = args.who.targets(&client).await?;
-    let calling = estop(&client, &targets, ctx.settings.timeout);
+    let all = async {
+        let (targets, unknown) = args.who.targets(&client).await?;
+        let calling = estop(&client, &targets, ctx.settings.timeout);
+        stopped::shown(ctx, &client, (&targets, unknown), calling, "stopped (latched)").await
+    };
+    let named = async {
+        if let Some(targets) = args.who.at_once() {
+            // What comes of it is shown with the others.
+            let _ = estop(&client, &targets, ctx.settings.timeout).await;
+        }
+    };
     let exit = tokio::select! {
-        exit = stopped::shown(ctx, &client, (&targets, unknown), calling, "stopped (latched)") => exit?,
+        ((), exit) = async { tokio::join!(named, all) } => exit,
         never = tell_link(ctx, &client) => match never {},
     };
+    let exit = exit.inspect_err(|_| ctx.out.note(MAY_DRIVE))?;
     if exit != Exit::Done {
         ctx.out.note(MAY_DRIVE);
     }

@@ -82,7 +82,7 @@ pub async fn run(ctx: &Context, args: GotoArgs) -> Result<Exit> {
 }
 
 async fn tasks(client: &Client, args: &GotoArgs) -> Result<Vec<Task>> {
-    let robots = robots::meant(client, std::slice::from_ref(&args.robots)).await?.all()?;
+    let robots = robots::meant(client, std::slice::from_ref(&args.robots)).await.all()?;
     let points = points(client, &robots, args).await?;
     let task = |(robot, Waypoint { x_m, y_m, yaw_rad }): (Name, Waypoint)| {
         // A place's own yaw is for planned paths; straight to it there is none.

@@ -57,7 +57,7 @@ pub async fn run(ctx: &Context, args: &ResetArgs) -> Result<Exit> {
 }
 
 async fn named(ctx: &Context, client: &Client, args: &ResetArgs) -> Result<Exit> {
-    let robots = robots::meant(client, &args.who.robots).await?.all()?;
+    let robots = robots::meant(client, &args.who.robots).await.all()?;
     let mut ended = each(client, &robots, args.latch, args.lease.take).await;
     if let [(_, Err(_))] = &ended[..]
         && let Some((_, Err(failure))) = ended.pop()

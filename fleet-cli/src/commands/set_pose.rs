@@ -73,7 +73,7 @@ pub async fn run(ctx: &Context, args: &SetPoseArgs) -> Result<Exit> {
     let to = args.point.clone().map(|point| PointArgs { point, y_m: args.y_m });
     to.as_ref().map(PointArgs::written).transpose()?;
     let client = Client::open(&ctx.settings).await?;
-    let robots = robots::meant(&client, std::slice::from_ref(&args.robots)).await?.all()?;
+    let robots = robots::meant(&client, std::slice::from_ref(&args.robots)).await.all()?;
     let exit = match (to, &robots[..]) {
         (Some(to), [robot]) => {
             let (at, _) = to.find(&client).await?;

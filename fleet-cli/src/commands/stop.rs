@@ -23,9 +23,18 @@ pub struct StopArgs {
 /// No router, or nobody to stop.
 pub async fn run(ctx: &Context, args: &StopArgs) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
-    let (targets, unknown) = args.who.targets(&client).await?;
-    let stopping = stop(&client, &targets);
-    let exit = stopped::shown(ctx, &client, (&targets, unknown), stopping, "stopped").await?;
+    let all = async {
+        let (targets, unknown) = args.who.targets(&client).await?;
+        let stopping = stop(&client, &targets);
+        stopped::shown(ctx, &client, (&targets, unknown), stopping, "stopped").await
+    };
+    let named = async {
+        if let Some(targets) = args.who.at_once() {
+            // What comes of it is shown with the others.
+            let _ = stop(&client, &targets).await;
+        }
+    };
+    let ((), exit) = tokio::join!(named, all);
     client.close().await;
-    Ok(exit)
+    exit
 }

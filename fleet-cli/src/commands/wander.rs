@@ -41,7 +41,7 @@ pub async fn run(ctx: &Context, args: WanderArgs) -> Result<Exit> {
     let (target, on_link_loss) = (GoalTarget::Wander { lasting }, on_link_loss.map(Into::into));
     let task = |robot| Task { robot, target, within: None, wait, on_link_loss, take: lease.take };
     goal::run(ctx, async |client| {
-        let robots = robots::meant(client, &robots).await?.all()?;
+        let robots = robots::meant(client, &robots).await.all()?;
         Ok(robots.into_iter().map(task).collect())
     })
     .await

@@ -22,6 +22,10 @@ pub(crate) fn write(path: &Path, zones: Option<&[Zone]>, places: &[MapPlace]) ->
     if changed == text {
         return Ok(());
     }
+    let (bytes, most) = (changed.len() as u64, files::MAX_TEXT);
+    if bytes > most {
+        return Err(broken(format!("it would have {bytes} bytes, and no more than {most} are read")));
+    }
     files::replace(path, changed.as_bytes()).map_err(|error| {
         Error::new(ErrorKind::Failed, format!("cannot write {}: {error}", path.display()))
             .hint("the file is as it was; its folder must be writable")

@@ -19,8 +19,10 @@ use xtb_control::vehicle::BatteryLevels;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{LinkLoss, MAX_PRIORITY, MapPlace, TaskId, TaskKind, TaskSpec, Who};
 
-/// A drive home may take so long without us, in s: from one end of a large hall to the other, with detours.
-const FINISH_S: f64 = 3600.0;
+/// A drive home may take so long without us, in s for each m of the straight way: at 0.1 m/s, and twice as far.
+const FINISH_S_PER_M: f64 = 20.0;
+/// But no less and no more than this, in s: so long a robot that is not heard keeps its dock from others.
+const FINISH_S: [f64; 2] = [120.0, 3600.0];
 
 impl Dispatcher {
     /// Robots go to docks and parking places by these rules from now on; `None` = not by themselves.
@@ -98,7 +100,9 @@ impl Dispatcher {
                 }
                 let task = TaskId::new(self.store.next_task() + self.writes.new_tasks());
                 // A robot that gets home without us is better off than one that stands with a low battery.
-                let finish_s = FINISH_S;
+                let pose = self.robots.get(&robot).and_then(|robot| robot.observed.as_ref()).map(|seen| seen.pose);
+                let way_m = pose.map_or(f64::MAX, |at| libm::hypot(at.x_m - place.x_m, at.y_m - place.y_m));
+                let finish_s = (way_m * FINISH_S_PER_M).clamp(FINISH_S[0], FINISH_S[1]);
                 let (priority, on_link_loss) =
                     if charges { (MAX_PRIORITY, LinkLoss::Finish) } else { (0, LinkLoss::Halt) };
                 let kind = TaskKind::Goto { to: place };

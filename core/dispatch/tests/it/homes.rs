@@ -4,7 +4,7 @@ use crate::bench::{Bench, goto, name, point};
 use xtb_dispatch::{HomeRules, HomeSettings, Record};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    Body, DispatchBody, HomeStatus, MapPlace, PlaceKind, RobotHome, TaskId, TaskKind, TaskSpec, TaskState,
+    BatteryLevel, Body, DispatchBody, HomeStatus, MapPlace, PlaceKind, RobotHome, TaskId, TaskKind, TaskSpec, TaskState,
 };
 
 const DISPATCH: &str = "dispatch";
@@ -34,7 +34,7 @@ fn bench(robots: usize, places: &[MapPlace]) -> Bench {
     let mut bench = Bench::new(robots);
     bench.robots.iter_mut().for_each(|robot| robot.set_battery(8.0));
     told(&mut bench, places);
-    bench.run_ms(500);
+    bench.run_ms(3_500);
     bench
 }
 
@@ -299,6 +299,36 @@ fn a_robot_that_does_not_get_to_its_dock_goes_to_another_one() {
     let (drive, state, _) = own(&bench)[0];
     assert_eq!((state, bench.reason(drive)), (TaskState::Cancelled, "xtb-1 does not get to dock-1".into()));
     assert_eq!(bench.robots[0].at, (8.0, 5.0), "{:?}", own(&bench));
+}
+
+#[test]
+fn a_robot_that_dies_on_its_way_keeps_its_dock_for_minutes_only() {
+    let mut bench = bench(2, &docks()[..1]);
+    bench.robots[0].set_battery(7.1);
+    bench.run_ms(1_500);
+    assert_eq!(own(&bench).len(), 1);
+    bench.robots[0].up = false;
+    bench.robots[1].set_battery(7.1);
+    bench.run_ms(30_000);
+    assert_eq!(own(&bench).len(), 1);
+    bench.run_ms(210_000);
+    assert_eq!((own(&bench).len(), bench.robots[1].at), (2, (2.0, 5.0)));
+}
+
+#[test]
+fn a_battery_that_is_not_measured_any_more_is_not_full() {
+    let mut bench = bench(1, &docks());
+    bench.robots[0].set_battery(7.1);
+    bench.run_ms(20_000);
+    assert_eq!(bench.robots[0].at, (2.0, 5.0));
+    run_with_battery(&mut bench, 0, 7.3, 0.002, 60);
+    let task = bench.submit(goto(1.0, 0.0));
+    (bench.robots[0].battery_v, bench.robots[0].battery_level) = (None, BatteryLevel::Unknown);
+    bench.run_ms(20_000);
+    assert_eq!((bench.state(task), status(&bench, "xtb-1")), (TaskState::Queued, Some(HomeStatus::Charging)));
+    assert!(home(&bench, "xtb-1").unwrap().why.contains("not measured any more"));
+    run_with_battery(&mut bench, 0, 8.01, 0.0, 20);
+    assert_eq!(bench.state(task), TaskState::Done);
 }
 
 #[test]

@@ -106,7 +106,7 @@ impl Navigator {
     fn drive_limits(&self, now: Stamp, following: &Following, allowed: UncertaintySpeed) -> DriveLimits {
         let allowed_mps = match allowed {
             UncertaintySpeed::Full => self.settings.cruise_mps(),
-            UncertaintySpeed::Slow { mps } => mps,
+            UncertaintySpeed::Slow { mps } => mps.min(self.settings.drive.limit_mps),
             UncertaintySpeed::Stop => 0.0,
         };
         let held_m = following.held.hold.as_ref().map_or(f64::MAX, |hold| hold.way_m);

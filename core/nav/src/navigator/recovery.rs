@@ -141,8 +141,8 @@ impl Navigator {
             task.enclosed = false;
             return stand(HoldReason::WayBlocked);
         }
-        let rpm = WheelRpm::try_from(RECOVERY_MPS * way_m.signum() / self.vehicle.mps_per_rpm())
-            .unwrap_or(WheelRpm::ZERO);
+        let mps = RECOVERY_MPS.min(self.settings.drive.limit_mps) * way_m.signum();
+        let rpm = WheelRpm::try_from(mps / self.vehicle.mps_per_rpm()).unwrap_or(WheelRpm::ZERO);
         let steering = Steering::try_from(steering).unwrap_or(Steering::CENTRED);
         Decision::Go(Command::Follow { rpm, steering }, None)
     }

@@ -7,6 +7,7 @@ use crate::ordinary::{KINDS, Ordinary};
 use crate::whole_robot::WholeRobot;
 use std::collections::{BTreeMap, BTreeSet};
 use xtb_control::frames::MapPose;
+use xtb_control::vehicle::BumperFinders;
 use xtb_control::{PwmCount, VehicleConfig};
 use xtb_protocol::messages::{BatteryLevel, Body, Fault, GoalStatus, LinkLoss};
 use xtb_robot::{Guard, Guards};
@@ -138,6 +139,28 @@ fn a_stick_at_its_end_drives_hardly_faster_than_the_obstacle_rule_can_stop() {
     // Two windows at full drive, 12 m/s², until the first one has been counted and neutral is there.
     assert!(with < 1.1, "{with} m/s");
     assert!(fastest_mps(true, 0) > 2.0);
+}
+
+#[test]
+fn a_stick_at_its_end_crawls_where_no_range_finder_looks() {
+    let mut config = VehicleConfig::default();
+    config.range_finders.rear = BumperFinders(Vec::new());
+    let stick = Transmitter { on: true, speed: 0.0, steering: 0.0, selector_manual: true };
+    let fastest_mps = |seed: u64| {
+        let free = World::from_toml("").unwrap();
+        let mut whole =
+            WholeRobot::new(free, &TruckParameters::default(), MapPose::default(), seed, &config);
+        whole.truck().set_transmitter(stick);
+        whole.run_s(0.5);
+        whole.truck().set_transmitter(Transmitter { speed: -1.0, ..stick });
+        (0..2000).fold(0.0_f64, |fastest_mps, _| {
+            whole.step();
+            fastest_mps.max(-whole.truck().truth().speed_mps)
+        })
+    };
+    let speeds = in_parallel(0..100, fastest_mps);
+    let (least, most) = speeds.iter().fold((f64::MAX, 0.0_f64), |(l, m), &mps| (l.min(mps), m.max(mps)));
+    assert!(least > 0.05 && most < 0.2, "{least} to {most} m/s");
 }
 
 #[test]

@@ -1,7 +1,9 @@
 //! A program of the lab's that is started for each change: without a shell, with JSON on its standard input.
 
 use super::{Outlet, QUEUE, Shared};
+use rustix::process::{Pid, Signal, kill_process_group};
 use std::io::Write;
+use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
@@ -46,6 +48,7 @@ fn run(outlet: &CommandOutlet, body: &str) -> std::result::Result<(), String> {
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
+        .process_group(0)
         .spawn()
         .map_err(|error| format!("cannot be started: {error}"))?;
     if let Some(mut input) = child.stdin.take() {
@@ -56,8 +59,9 @@ fn run(outlet: &CommandOutlet, body: &str) -> std::result::Result<(), String> {
         Ok(Some(status)) if status.success() => Ok(()),
         Ok(Some(status)) => Err(format!("ended with {status}")),
         Ok(None) => {
-            let ended = child.kill().and_then(|()| child.wait());
-            ended.map_err(|error| format!("cannot be ended: {error}"))?;
+            // With whatever it has started itself.
+            let killed = kill_process_group(Pid::from_child(&child), Signal::KILL);
+            killed.map_err(std::io::Error::from).and_then(|()| child.wait()).map_err(|error| format!("cannot be ended: {error}"))?;
             Err(format!("was ended after {} s", outlet.timeout.as_secs_f64()))
         }
         Err(error) => Err(format!("cannot be waited for: {error}")),

@@ -74,6 +74,21 @@ async fn a_command_gets_json_on_its_input_and_whatever_a_text_holds_is_text() {
 }
 
 #[tokio::test]
+async fn what_a_command_has_started_ends_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("child");
+    let script = "sleep 600 & echo $! > \"$0\"; wait; true";
+    let outlets =
+        of_command("/bin/sh", &["-c", script, file.to_str().unwrap()], Duration::from_millis(500));
+    outlets.tell(&change("xtb-1 latched"));
+    until(|| outlets.counters()[0].failed == 1).await;
+    let child = std::fs::read_to_string(&file).unwrap();
+    let stat = format!("/proc/{}/stat", child.trim());
+    // Gone, or only its name waits for whoever collects it.
+    until(|| std::fs::read_to_string(&stat).map_or(true, |stat| stat.contains(") Z "))).await;
+}
+
+#[tokio::test]
 async fn a_command_that_fails_hangs_or_is_missing_is_counted() {
     for (program, arguments, timeout) in [
         ("/bin/sh", &["-c", "exit 3"][..], PATIENT),

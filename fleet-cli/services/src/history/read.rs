@@ -34,18 +34,20 @@ pub(super) fn reply(connection: &Connection, request: &HistoryRequest, now_ms: u
     })
 }
 
-/// The last alerts, oldest first; one that this program cannot read is left out.
+/// The last alerts, oldest first, before ended ones those that have not; one that this program cannot read is left out.
 pub(super) fn alerts(connection: &Connection) -> rusqlite::Result<Vec<Alert>> {
-    let mut statement = connection.prepare("SELECT body FROM alerts ORDER BY id DESC LIMIT ?1")?;
+    let mut statement = connection.prepare(
+        "SELECT body FROM alerts ORDER BY json_extract(body, '$.ended_ms') IS NOT NULL, id DESC LIMIT ?1",
+    )?;
     let bodies = statement.query_map([stored(MAX_ALERTS as u64)], |row| row.get::<_, String>(0))?;
-    let mut alerts = Vec::new();
+    let mut alerts: Vec<Alert> = Vec::new();
     for body in bodies {
         match serde_json::from_str(&body?) {
             Ok(alert) => alerts.push(alert),
             Err(error) => tracing::warn!("an alert of the history is left out: {error}"),
         }
     }
-    alerts.reverse();
+    alerts.sort_by_key(|alert| alert.id);
     Ok(alerts)
 }
 

@@ -85,7 +85,9 @@ impl Writer {
         self.connection.execute("DELETE FROM events WHERE at_ms < ?1", [oldest])?;
         self.connection.execute("DELETE FROM samples WHERE from_ms < ?1", [oldest])?;
         self.connection.execute("DELETE FROM stops WHERE from_ms < ?1", [oldest])?;
-        let kept = "DELETE FROM alerts WHERE id <= (SELECT max(id) FROM alerts) - ?1";
+        // One that is open is not forgotten, however old: what failed once is told only once.
+        let kept = "DELETE FROM alerts WHERE id <= (SELECT max(id) FROM alerts) - ?1 \
+                    AND json_extract(body, '$.ended_ms') IS NOT NULL";
         self.connection.execute(kept, [stored(MAX_ALERTS as u64)])?;
         let max_bytes = u64::from(self.bounds.max_mib) << 20;
         while self.bytes()? > max_bytes {

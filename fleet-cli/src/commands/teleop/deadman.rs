@@ -6,7 +6,7 @@
 //!    ▲                       │
 //!    └── deadman released, pad gone, silent for 3 s, hand taken off ──► spent ──deadman released──► up
 //! ```
-//! A button that is held at first, or still held after the hand was taken off (space, a lost focus, a reset), is spent:
+//! Another pad whose button is held hands nothing over. A button that is held at first, or still held after the hand was taken off (space, a lost focus, a reset), is spent:
 //! it has to be released and pressed anew.
 
 use xtb_client::teleop::Drive;
@@ -21,6 +21,8 @@ const SILENT_MS: u64 = 3000;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(not(feature = "gamepad"), allow(dead_code))] // nobody makes one then
 pub(super) struct Pad {
+    /// Which one.
+    pub(super) id: usize,
     /// Whether a deadman button is held.
     pub(super) deadman: bool,
     /// −1..=1, + = right.
@@ -38,7 +40,8 @@ enum State {
     #[default]
     Spent,
     Up,
-    Held(Drive),
+    /// On the pad of this id.
+    Held(usize, Drive),
 }
 
 /// The hand on the gamepad.
@@ -60,14 +63,16 @@ impl Deadman {
         self.state = match self.state {
             _ if !pad.deadman => State::Up,
             State::Spent => State::Spent,
-            State::Held(_) if silent => State::Spent,
-            State::Up | State::Held(_) => drive(pad).map_or(State::Spent, State::Held),
+            State::Held(id, _) if silent || id != pad.id => State::Spent,
+            State::Up | State::Held(..) => {
+                drive(pad).map_or(State::Spent, |drive| State::Held(pad.id, drive))
+            }
         };
     }
 
     /// What is held counts no more until the deadman button was up.
     pub(super) fn let_go(&mut self) {
-        if matches!(self.state, State::Held(_)) {
+        if matches!(self.state, State::Held(..)) {
             self.state = State::Spent;
         }
     }
@@ -75,7 +80,7 @@ impl Deadman {
     /// What is asked for; `None` = nobody holds the deadman button.
     pub(super) fn drive(&self) -> Option<Drive> {
         match self.state {
-            State::Held(drive) => Some(drive),
+            State::Held(_, drive) => Some(drive),
             State::Spent | State::Up => None,
         }
     }
@@ -101,7 +106,7 @@ mod tests {
     }
 
     fn pad(deadman: bool, y: f64, changes: u64) -> Option<Pad> {
-        Some(Pad { deadman, x: 0.0, y, changes })
+        Some(Pad { id: 0, deadman, x: 0.0, y, changes })
     }
 
     fn throttle(hand: &Deadman) -> Option<f64> {
@@ -122,6 +127,22 @@ mod tests {
         hand.let_go();
         hand.read(at(80), pad(true, 1.0, 4));
         assert_eq!(throttle(&hand), None, "it has to be pressed anew");
+    }
+
+    #[test]
+    fn another_pad_whose_button_is_held_takes_nothing_over() {
+        let other = |y, changes| Some(Pad { id: 1, deadman: true, x: 0.0, y, changes });
+        let mut hand = Deadman::default();
+        hand.read(at(0), pad(false, 1.0, 0));
+        hand.read(at(20), pad(true, 1.0, 1));
+        assert_eq!(throttle(&hand), Some(1.0));
+        hand.read(at(40), other(-1.0, 7));
+        assert_eq!(throttle(&hand), None);
+        hand.read(at(60), other(-1.0, 8));
+        assert_eq!(throttle(&hand), None, "until none is held");
+        hand.read(at(80), pad(false, 0.0, 2));
+        hand.read(at(100), other(-1.0, 9));
+        assert_eq!(throttle(&hand), Some(-1.0));
     }
 
     #[test]

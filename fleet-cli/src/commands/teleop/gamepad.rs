@@ -9,7 +9,8 @@ pub(super) use left_out::Gamepads;
 #[cfg(feature = "gamepad")]
 mod built_in {
     use super::super::deadman::Pad;
-    use gilrs::{Axis, Button, Gamepad, Gilrs, MappingSource};
+    use gilrs::{Axis, Button, Gamepad, GamepadId, Gilrs, MappingSource};
+    use std::collections::HashMap;
     use xtb_client::{Error, ErrorKind, Result};
 
     /// Either of them is the deadman button.
@@ -18,7 +19,8 @@ mod built_in {
     /// All that are plugged in now.
     pub(in super::super) struct Gamepads {
         gilrs: Gilrs,
-        changes: u64,
+        /// Of each.
+        changes: HashMap<GamepadId, u64>,
     }
 
     impl Gamepads {
@@ -28,24 +30,26 @@ mod built_in {
         /// [`ErrorKind::Failed`]: the system has no gamepads for programs.
         pub(in super::super) fn open() -> Result<Self> {
             let failed = |error| Error::new(ErrorKind::Failed, format!("cannot look for gamepads: {error}"));
-            Ok(Self { gilrs: Gilrs::new().map_err(failed)?, changes: 0 })
+            Ok(Self { gilrs: Gilrs::new().map_err(failed)?, changes: HashMap::new() })
         }
 
         /// What the one says whose deadman button is held, else the first one whose layout is known; `None` = there
         /// is none.
         pub(in super::super) fn look(&mut self) -> Option<Pad> {
-            while self.gilrs.next_event().is_some() {
-                self.changes += 1;
+            while let Some(event) = self.gilrs.next_event() {
+                *self.changes.entry(event.id).or_default() += 1;
             }
             let is_known =
                 |pad: &Gamepad<'_>| pad.is_connected() && pad.mapping_source() != MappingSource::None;
             let deadman = |pad: &Gamepad<'_>| DEADMAN.iter().any(|button| pad.is_pressed(*button));
-            let mut pads: Vec<_> = self.gilrs.gamepads().map(|(_, pad)| pad).filter(is_known).collect();
+            let mut pads: Vec<_> =
+                self.gilrs.gamepads().map(|(_, pad)| pad).filter(is_known).collect();
             pads.sort_by_key(|pad| !deadman(pad));
             let pad = pads.first()?;
             let along = |axis| f64::from(pad.value(axis));
             let (x, y) = (along(Axis::LeftStickX), along(Axis::LeftStickY));
-            Some(Pad { deadman: deadman(pad), x, y, changes: self.changes })
+            let changes = self.changes.get(&pad.id()).copied().unwrap_or_default();
+            Some(Pad { id: pad.id().into(), deadman: deadman(pad), x, y, changes })
         }
     }
 }

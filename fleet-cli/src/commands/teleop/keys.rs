@@ -114,9 +114,6 @@ impl Keyboard {
     /// What the gamepad says; `None` = there is none. While its deadman button is held, it drives instead of keys.
     pub(super) fn pad(&mut self, now: Stamp, pad: Option<Pad>) {
         self.pad.read(now, pad);
-        if self.pad.drive().is_some() {
-            self.heard = now;
-        }
     }
 
     fn pulse(&mut self, now: Stamp, key: Key) {
@@ -131,9 +128,13 @@ impl Keyboard {
 
     /// The hand is gone, or may be: focus lost, leaving.
     pub(crate) fn let_go(&mut self) {
+        self.let_go_of_keys();
+        self.pad.let_go();
+    }
+
+    fn let_go_of_keys(&mut self) {
         self.held = [false; 4];
         self.pulse = None;
-        self.pad.let_go();
     }
 
     /// What is asked for at `now`.
@@ -154,7 +155,7 @@ impl Keyboard {
     /// What to send at `now`; `None` = nothing, the truck's silence is its own.
     pub(crate) fn send(&mut self, now: Stamp) -> Option<Drive> {
         if now.since_ms(self.heard) >= SILENT_MS {
-            self.let_go();
+            self.let_go_of_keys();
         }
         let drive = self.drive(now);
         let steering = self.reporting == Reporting::Releases && drive.steering != 0.0;

@@ -91,6 +91,13 @@ async fn an_emergency_stop_of_all_latches_all_and_says_so() {
     let reset = page.ask(json!({ "reset": { "robot": "xtb-2" } })).await;
     assert_eq!(reset["ok"]["cleared"], json!(["estop"]), "{reset}");
     page.until("reset", |page| (page.row("xtb-2")["latches"] == json!([])).then_some(())).await;
+    // What the person was not shown stays latched.
+    let reset = page.ask(json!({ "reset_all": { "shown": { "xtb-2": ["estop"], "xtb-3": [] } } })).await;
+    for robot in ["xtb-1", "xtb-3"] {
+        let refused = reset["ok"]["robots"][robot]["refused"].as_str().unwrap();
+        assert!(refused.contains("latched after the question"), "{reset}");
+        assert_eq!(page.row(robot)["latches"], json!(["estop"]), "{reset}");
+    }
     // The other two at once.
     let reset = page.ask(json!({ "reset_all": {} })).await;
     let robots = reset["ok"]["robots"].as_object().unwrap();

@@ -85,7 +85,7 @@ async fn a_message_that_is_too_long_closes_the_socket_and_nonsense_is_counted() 
         (metric(address, "xtb_dashboard_messages_malformed_total").await == 1.0).then_some(())
     })
     .await;
-    page.say(&serde_json::json!("x".repeat(300 * 1024))).await;
+    page.say(&serde_json::json!("x".repeat(3 << 20))).await;
     while page.take().await.is_some() {}
     rig.end().await;
 }

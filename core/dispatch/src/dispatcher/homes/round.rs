@@ -292,6 +292,8 @@ impl<'a> Round<'a> {
         robot.is_online(self.now_ms, &of.settings)
             && of.membership(robot).is_ok()
             && robot.other_holder(&of.identity.me).is_none()
+            // Whoever has just let it go may mean to go on.
+            && self.now_ms.saturating_sub(robot.uncontested_since_ms) >= of.settings.settle_ms
             && robot
                 .observed
                 .as_ref()
@@ -423,6 +425,9 @@ pub(super) fn low_words(robot: &TrackedRobot) -> String {
 
 pub(super) fn charging_words(robot: &TrackedRobot, rules: &HomeRules) -> String {
     let place = robot.charge.visit.as_ref().map_or("a dock", |visit| visit.place.as_str());
-    let volts = robot.charge.volts.map(|volts| format!("{volts:.2} V, ")).unwrap_or_default();
+    let volts = robot.charge.volts.map_or_else(
+        || "its voltage is not measured any more, ".to_owned(),
+        |volts| format!("{volts:.2} V, "),
+    );
     format!("charging at {place}: {volts}works again from {:.2} V", robot.charge.resume_v(rules))
 }
