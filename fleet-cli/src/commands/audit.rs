@@ -83,7 +83,7 @@ pub fn run(ctx: &Context, args: &AuditArgs) -> Result<Exit> {
 }
 
 fn wanted(command: &Command, args: &AuditArgs) -> bool {
-    let by = |client: &Name| command.who.as_deref().is_some_and(|who| is_of(who, client));
+    let by = |client: &Name| command.by.as_deref().is_some_and(|who| is_of(who, client));
     let to = |robot: &Name| command.robot.as_ref() == Some(robot);
     args.client.as_ref().is_none_or(by)
         && args.robot.as_ref().is_none_or(to)
@@ -108,12 +108,12 @@ fn show(out: Output, commands: &[Command]) -> Result<()> {
     }
     let mut table = Table::new(&["time", "who", "robot", "what", "result"]);
     for command in commands {
-        let who = command.who.as_deref().unwrap_or("unknown");
+        let who = command.by.as_deref().unwrap_or("unknown");
         table.row(vec![
             Cell::new(command.time(), Tone::Dim),
             Cell::new(who, Tone::Strong),
             Cell::new(command.robot.as_ref().map_or("-", Name::as_str), Tone::Plain),
-            Cell::new(command.what.as_str(), Tone::Plain),
+            Cell::new(command.text.as_str(), Tone::Plain),
             Cell::new(command.result.as_deref().unwrap_or("-"), Tone::Plain),
         ]);
     }

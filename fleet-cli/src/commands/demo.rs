@@ -68,7 +68,7 @@ struct Summary {
     reached: usize,
     contacts: u64,
     wall_s: f64,
-    virtual_s: f64,
+    simulated_s: f64,
 }
 
 /// What came of one goal.
@@ -78,7 +78,7 @@ struct Leg {
     goal: (f64, f64),
     status: String,
     reached: bool,
-    virtual_s: f64,
+    simulated_s: f64,
     error_m: Option<f64>,
 }
 
@@ -134,7 +134,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
         reached: legs.iter().filter(|leg| leg.reached).count(),
         contacts: truth.robots.values().map(|robot| robot.contacts).sum(),
         wall_s: round(began.elapsed().as_secs_f64()),
-        virtual_s: round(truth.t_s),
+        simulated_s: round(truth.t_s),
     };
     ctx.out.result(&summary, |summary| report(ctx, summary, &legs))?;
     let good = summary.reached == summary.goals && summary.contacts == 0;
@@ -267,7 +267,7 @@ impl Tour {
             status: status
                 .map_or_else(|| "timed out".to_owned(), |status| xtb_client::text::reasons::name(&status)),
             reached: status == Some(GoalStatus::Reached),
-            virtual_s: truth.t_s - began_s,
+            simulated_s: truth.t_s - began_s,
             error_m: robot.map(|now| (now.x_m - x_m).hypot(now.y_m - y_m)),
         })
     }
@@ -296,14 +296,14 @@ fn report(ctx: &Context, summary: &Summary, legs: &[Leg]) -> String {
             Cell::new(leg.robot.as_str(), Tone::Strong),
             format!("({:.2}, {:.2})", leg.goal.0, leg.goal.1).into(),
             Cell::new(leg.status.as_str(), tone),
-            format!("{:.1} s", leg.virtual_s).into(),
+            format!("{:.1} s", leg.simulated_s).into(),
             leg.error_m.map_or_else(|| "unknown".to_owned(), |m| format!("{m:.2} m")).into(),
         ]);
     }
-    let Summary { robots, goals, reached, contacts, wall_s, virtual_s } = summary;
+    let Summary { robots, goals, reached, contacts, wall_s, simulated_s } = summary;
     format!(
         "{}\n{reached} of {goals} goals reached by {robots} robots, {contacts} contacts; \
-         {virtual_s} s simulated in {wall_s} s",
+         {simulated_s} s simulated in {wall_s} s",
         table.render(&ctx.out)
     )
 }

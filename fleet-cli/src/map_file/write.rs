@@ -22,7 +22,7 @@ pub(crate) fn write(path: &Path, zones: Option<&[Zone]>, places: &[MapPlace]) ->
     if changed == text {
         return Ok(());
     }
-    let (bytes, most) = (changed.len() as u64, files::MAX_TEXT);
+    let (bytes, most) = (changed.len(), files::MAX_TEXT);
     if bytes > most {
         return Err(broken(format!("it would have {bytes} bytes, and no more than {most} are read")));
     }

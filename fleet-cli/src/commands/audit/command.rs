@@ -11,11 +11,11 @@ pub(super) struct Command {
     /// In ms since 1970, by the clock of whoever wrote it down.
     pub(super) at_ms: u64,
     /// The client; `None` = what is kept does not say.
-    pub(super) who: Option<String>,
+    pub(super) by: Option<String>,
     /// Which robot; `None` = the fleet, or not one yet.
     pub(super) robot: Option<Name>,
     /// In words.
-    pub(super) what: String,
+    pub(super) text: String,
     /// What came of it, as far as it is kept.
     pub(super) result: Option<String>,
 }

@@ -46,9 +46,9 @@ struct Audit {
 impl Audit {
     fn take(&mut self, entry: &Entry) {
         let at_ms = entry.at_ms;
-        let mut push = |who: Option<&str>, what: String| {
-            let who = who.map(str::to_owned);
-            self.commands.push(Command { at_ms, who, robot: None, what, result: None });
+        let mut push = |by: Option<&str>, text: String| {
+            let by = by.map(str::to_owned);
+            self.commands.push(Command { at_ms, by, robot: None, text, result: None });
         };
         match &entry.record {
             Record::Submitted { task, by, spec, .. } => {
@@ -143,11 +143,11 @@ mod tests {
             .commands
             .iter()
             .map(|command| {
-                let Command { who, robot, what, result, .. } = command;
+                let Command { by, robot, text, result, .. } = command;
                 (
-                    who.as_deref().unwrap(),
+                    by.as_deref().unwrap(),
                     robot.as_ref().map(|robot| robot.as_str()),
-                    what.as_str(),
+                    text.as_str(),
                     result.as_deref(),
                 )
             })

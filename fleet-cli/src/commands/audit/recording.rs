@@ -84,9 +84,9 @@ impl Audit {
         }
     }
 
-    fn push(&mut self, at_ms: u64, who: Option<&Name>, robot: Option<&Name>, what: String) {
-        let who = who.map(Name::to_string);
-        self.commands.push(Command { at_ms, who, robot: robot.cloned(), what, result: None });
+    fn push(&mut self, at_ms: u64, by: Option<&Name>, robot: Option<&Name>, text: String) {
+        let by = by.map(Name::to_string);
+        self.commands.push(Command { at_ms, by, robot: robot.cloned(), text, result: None });
     }
 
     fn event(&mut self, at_ms: u64, event: &Event) {
@@ -162,8 +162,8 @@ impl Audit {
         let Some(goal) = &state.goal else { return };
         let index = self.goal(at_ms, goal.id, &state.robot);
         if let Some(command) = index.and_then(|index| self.commands.get_mut(index)) {
-            command.who = Some(goal.by.to_string());
-            command.what = what(goal);
+            command.by = Some(goal.by.to_string());
+            command.text = what(goal);
             command.result.get_or_insert_with(|| reasons::name(&goal.status));
         }
     }
@@ -184,7 +184,7 @@ mod tests {
 
     fn told(audit: &Audit) -> Vec<(Option<&str>, &str, Option<&str>)> {
         let each = audit.commands.iter();
-        each.map(|command| (command.who.as_deref(), command.what.as_str(), command.result.as_deref()))
+        each.map(|command| (command.by.as_deref(), command.text.as_str(), command.result.as_deref()))
             .collect()
     }
 

@@ -117,7 +117,7 @@ pub(super) struct Why {
     /// Since when it stands.
     pub(super) stopped_age_ms: Option<u64>,
     /// How old this is.
-    pub(super) state_age_ms: Option<u64>,
+    pub(super) age_ms: Option<u64>,
     /// Most important first.
     pub(super) reasons: Vec<Reason>,
 }
@@ -146,7 +146,7 @@ pub(super) fn explain(robot: &RobotView) -> Why {
         headline,
         mode: state.map(|state| state.mode),
         stopped_age_ms: state.and_then(|state| state.stopped_age_ms),
-        state_age_ms: robot.age_ms,
+        age_ms: robot.age_ms,
         reasons,
     }
 }
