@@ -340,8 +340,9 @@ impl Oracle {
         if !(PwmCount::MIN.get()..=PwmCount::MAX.get()).contains(&truth.motor) {
             return Err((Invariant::Range, format!("the motor gets {} counts", truth.motor)));
         }
+        let counts = truth.motor.abs_diff(PwmCount::NEUTRAL.get());
         let network = self.network_may(now);
-        let sticks = self.sticks_may(now);
+        let sticks = self.sticks_may(now, counts);
         if network || sticks {
             self.idle_turns = 0;
         } else if truth.reaches() {
@@ -352,7 +353,6 @@ impl Oracle {
         if truth.reaches() {
             self.last_frame = now;
         }
-        let counts = truth.motor.abs_diff(PwmCount::NEUTRAL.get());
         let stands = counts <= DEAD_BAND && truth.turned && truth.speed_mps == 0.0;
         self.stands_since = stands.then(|| self.stands_since.unwrap_or(now));
         self.neutral_since = (stands && counts == 0).then(|| self.neutral_since.unwrap_or(now));
@@ -392,9 +392,10 @@ impl Oracle {
         driven || sent
     }
 
-    fn sticks_may(&self, now: Turn) -> bool {
+    /// Whether the transmitter may write this many counts. One that is at rest need not be let go first.
+    fn sticks_may(&self, now: Turn, counts: u16) -> bool {
         let held = self.estopped || self.published.holds_transmitter || self.demand.sticks;
         let Devices { stick_free, manual_last, .. } = self.devices;
-        !held && stick_free && manual_last.is_some_and(|last| now - last <= STICKS)
+        !held && (stick_free || counts <= DEAD_BAND) && manual_last.is_some_and(|last| now - last <= STICKS)
     }
 }
