@@ -20,6 +20,8 @@ pub(crate) struct Sums {
     last: Option<([f64; 6], Volts)>,
     mean: Volts,
     steps: u32,
+    /// Whether anything has changed since the last frame.
+    changed: bool,
 }
 
 impl Sums {
@@ -27,12 +29,16 @@ impl Sums {
     pub(crate) fn step(&mut self, platform: &Platform, ground: &Attitude) {
         let posture = platform.posture(ground);
         let (began, ended) = match self.last {
+            Some((same, volts)) if same == posture && !self.changed => {
+                (self.mean, self.steps) = (volts, self.steps + 1);
+                return;
+            }
             Some((same, volts)) if same == posture => (volts, volts),
             Some((_, before)) => (before, volts(platform, ground)),
             None => [volts(platform, ground); 2].into(),
         };
         self.last = Some((posture, ended));
-        self.steps += 1;
+        (self.steps, self.changed) = (self.steps + 1, true);
         let part = 1.0 / f64::from(self.steps);
         for ((mean, began), ended) in self.mean.iter_mut().zip(began).zip(ended) {
             let during = (began + ended) / 2.0;
@@ -44,7 +50,7 @@ impl Sums {
     /// What the converter makes of tilt sensor and pistons, and begins again.
     pub(crate) fn take(&mut self, platform: &Platform, ground: &Attitude) -> ([AdcCount; 2], [AdcCount; 4]) {
         let mean = if self.steps == 0 { volts(platform, ground) } else { self.mean };
-        self.steps = 0;
+        (self.steps, self.changed) = (0, false);
         let [x, y, fl, fr, rl, rr] = mean.map(|v| adc_count(v, f64::from(ADC_SCANS)));
         ([x, y], [fl, fr, rl, rr])
     }
