@@ -141,7 +141,8 @@ async fn serve(
     tasks.spawn(uplink::publish_states(bus.clone(), keys.clone(), ends.snapshot.clone()));
     tasks.spawn(neighbours::tell(bus.clone(), keys.clone(), ends.snapshot.clone()));
     tasks.spawn(uplink::publish_events(bus.clone(), keys.clone(), ends.events));
-    let saving = downlink::Saving { file: config.settings_file.clone(), saved: ends.saved, turn: Arc::default() };
+    let saving =
+        downlink::Saving { file: config.settings_file.clone(), saved: ends.saved, turn: Arc::default() };
     tasks.spawn(async move {
         downlink::send_replies(ends.replies, saving).await;
         Ok(())

@@ -4,9 +4,9 @@ mod answers;
 
 pub(crate) use answers::answers;
 
-use answers::{ANSWERS, ANSWERS_BYTES};
 use crate::channel::{Incoming, congestion, priority};
 use crate::session::{Bus, BusError, failed};
+use answers::{ANSWERS, ANSWERS_BYTES};
 use std::time::{Duration, Instant};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, Key, Name, RobotKeys, received};

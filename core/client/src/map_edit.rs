@@ -112,7 +112,8 @@ fn one_place(programs: usize) -> Result<()> {
         0 => Err(unchangeable()),
         1 => Ok(()),
         many => {
-            let message = format!("{many} programs serve the fleet's map: no single one could store the change");
+            let message =
+                format!("{many} programs serve the fleet's map: no single one could store the change");
             Err(Error::new(ErrorKind::Failed, message)
                 .hint("end all but one of them: `map serve`, simulators, `traffic serve` and `dispatch serve` with --map"))
         }

@@ -42,7 +42,11 @@ pub async fn set(client: &Client, robot: &Name, values: Vec<ParamValue>, take: b
 ///
 /// # Errors
 /// The robot's refusal ([`ErrorKind::ParamRefused`]), or [`ErrorKind::OutcomeUnknown`].
-pub async fn set_without_control(client: &Client, robot: &Name, values: Vec<ParamValue>) -> Result<ParamList> {
+pub async fn set_without_control(
+    client: &Client,
+    robot: &Name,
+    values: Vec<ParamValue>,
+) -> Result<ParamList> {
     ask(client, robot, None, ParamBody::Set { values }).await
 }
 

@@ -17,8 +17,8 @@ use xtb_client::{Error, ErrorKind, Result};
 use xtb_client::{estop, params, stop};
 use xtb_control::frames::wrap_rad;
 use xtb_protocol::messages::{
-    AckBody, AckRequest, Body, DispatchBody, HistoryPlace, HistoryReply, HistoryRequest, Latch, LatchState, LinkLoss,
-    ParamValue, TaskId, TaskSpec, Via,
+    AckBody, AckRequest, Body, DispatchBody, HistoryPlace, HistoryReply, HistoryRequest, Latch, LatchState,
+    LinkLoss, ParamValue, TaskId, TaskSpec, Via,
 };
 use xtb_protocol::{Name, Uuid};
 
@@ -100,10 +100,7 @@ pub(crate) async fn reset(client: &Client, robot: Name, take: bool) -> Result<Va
 
 /// As `reset --all`: what came of each robot that had anything latched, and whose state is unknown. A robot with a latch
 /// that is not among those `shown` is not reset.
-pub(crate) async fn reset_all(
-    client: &Client,
-    shown: Option<BTreeMap<Name, Vec<Latch>>>,
-) -> Result<Value> {
+pub(crate) async fn reset_all(client: &Client, shown: Option<BTreeMap<Name, Vec<Latch>>>) -> Result<Value> {
     let ResetCandidates { latched, unknown, .. } = reset::candidates(client, &[]).await?;
     let was_shown = |(robot, latches): &(Name, Vec<LatchState>)| {
         let Some(shown) = &shown else { return true };

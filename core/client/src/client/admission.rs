@@ -72,10 +72,7 @@ impl Client {
     /// The reason why nobody has answered, if it is the router that does not admit this client; else `error`.
     pub async fn explained(&self, error: Error) -> Error {
         match error.kind {
-            ErrorKind::NoRobot
-            | ErrorKind::NoDispatcher
-            | ErrorKind::NoMap
-            | ErrorKind::OutcomeUnknown => {
+            ErrorKind::NoRobot | ErrorKind::NoDispatcher | ErrorKind::NoMap | ErrorKind::OutcomeUnknown => {
                 self.not_admitted().await.unwrap_or(error)
             }
             _ => error,

@@ -100,7 +100,8 @@ impl Dispatcher {
                 }
                 let task = TaskId::new(self.store.next_task() + self.writes.new_tasks());
                 // A robot that gets home without us is better off than one that stands with a low battery.
-                let pose = self.robots.get(&robot).and_then(|robot| robot.observed.as_ref()).map(|seen| seen.pose);
+                let pose =
+                    self.robots.get(&robot).and_then(|robot| robot.observed.as_ref()).map(|seen| seen.pose);
                 let way_m = pose.map_or(f64::MAX, |at| libm::hypot(at.x_m - place.x_m, at.y_m - place.y_m));
                 let finish_s = (way_m * FINISH_S_PER_M).clamp(FINISH_S[0], FINISH_S[1]);
                 let (priority, on_link_loss) =

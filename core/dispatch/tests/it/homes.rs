@@ -4,7 +4,8 @@ use crate::bench::{Bench, goto, name, point};
 use xtb_dispatch::{HomeRules, HomeSettings, Record};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    BatteryLevel, Body, DispatchBody, HomeStatus, MapPlace, PlaceKind, RobotHome, TaskId, TaskKind, TaskSpec, TaskState,
+    BatteryLevel, Body, DispatchBody, HomeStatus, MapPlace, PlaceKind, RobotHome, TaskId, TaskKind, TaskSpec,
+    TaskState,
 };
 
 const DISPATCH: &str = "dispatch";

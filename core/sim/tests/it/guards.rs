@@ -148,8 +148,7 @@ fn a_stick_at_its_end_crawls_where_no_range_finder_looks() {
     let stick = Transmitter { on: true, speed: 0.0, steering: 0.0, selector_manual: true };
     let fastest_mps = |seed: u64| {
         let free = World::from_toml("").unwrap();
-        let mut whole =
-            WholeRobot::new(free, &TruckParameters::default(), MapPose::default(), seed, &config);
+        let mut whole = WholeRobot::new(free, &TruckParameters::default(), MapPose::default(), seed, &config);
         whole.truck().set_transmitter(stick);
         whole.run_s(0.5);
         whole.truck().set_transmitter(Transmitter { speed: -1.0, ..stick });

@@ -61,7 +61,10 @@ fn run(outlet: &CommandOutlet, body: &str) -> std::result::Result<(), String> {
         Ok(None) => {
             // With whatever it has started itself.
             let killed = kill_process_group(Pid::from_child(&child), Signal::KILL);
-            killed.map_err(std::io::Error::from).and_then(|()| child.wait()).map_err(|error| format!("cannot be ended: {error}"))?;
+            killed
+                .map_err(std::io::Error::from)
+                .and_then(|()| child.wait())
+                .map_err(|error| format!("cannot be ended: {error}"))?;
             Err(format!("was ended after {} s", outlet.timeout.as_secs_f64()))
         }
         Err(error) => Err(format!("cannot be waited for: {error}")),

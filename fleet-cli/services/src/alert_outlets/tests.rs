@@ -78,8 +78,7 @@ async fn what_a_command_has_started_ends_with_it() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("child");
     let script = "sleep 600 & echo $! > \"$0\"; wait; true";
-    let outlets =
-        of_command("/bin/sh", &["-c", script, file.to_str().unwrap()], Duration::from_millis(500));
+    let outlets = of_command("/bin/sh", &["-c", script, file.to_str().unwrap()], Duration::from_millis(500));
     outlets.tell(&change("xtb-1 latched"));
     until(|| outlets.counters()[0].failed == 1).await;
     let child = std::fs::read_to_string(&file).unwrap();

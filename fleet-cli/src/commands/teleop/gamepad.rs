@@ -42,8 +42,7 @@ mod built_in {
             let is_known =
                 |pad: &Gamepad<'_>| pad.is_connected() && pad.mapping_source() != MappingSource::None;
             let deadman = |pad: &Gamepad<'_>| DEADMAN.iter().any(|button| pad.is_pressed(*button));
-            let mut pads: Vec<_> =
-                self.gilrs.gamepads().map(|(_, pad)| pad).filter(is_known).collect();
+            let mut pads: Vec<_> = self.gilrs.gamepads().map(|(_, pad)| pad).filter(is_known).collect();
             pads.sort_by_key(|pad| !deadman(pad));
             let pad = pads.first()?;
             let along = |axis| f64::from(pad.value(axis));

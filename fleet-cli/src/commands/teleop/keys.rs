@@ -276,7 +276,7 @@ mod tests {
     #[test]
     fn a_gamepad_drives_while_its_button_is_held_and_its_end_means_zero_at_once() {
         let mut keys = Keyboard::new(Reporting::Presses);
-        let pad = |deadman, changes| Some(Pad { deadman, x: 0.0, y: 1.0, changes });
+        let pad = |deadman, changes| Some(Pad { id: 0, deadman, x: 0.0, y: 1.0, changes });
         keys.pad(at(0), pad(false, 0));
         assert_eq!(keys.send(at(10)), None);
         for n in 1..=200 {

@@ -4,7 +4,10 @@
 
 use super::{id, name, pinned};
 use xtb_protocol::codec::{Format, encoding};
-use xtb_protocol::messages::{Assignment, Body, Lease, LinkLoss, OnTakeover, Request, TaskAction, TaskEvent, TaskId, TaskState, TaskStep, Via};
+use xtb_protocol::messages::{
+    Assignment, Body, Lease, LinkLoss, OnTakeover, Request, TaskAction, TaskEvent, TaskId, TaskState,
+    TaskStep, Via,
+};
 
 fn request(body: Body) -> Request {
     Request { id: id(), lease: Some(Lease { epoch: 300, root: 2 }), body }

@@ -3,7 +3,10 @@
 
 use super::{name, pinned};
 use xtb_protocol::codec::{Format, decode, encoding};
-use xtb_protocol::messages::{LinkLoss, OnTakeover, Suspension, SuspensionCause, TaskId, TaskKind, TaskList, TaskSpec, TaskState, TaskView, Waypoint, Who};
+use xtb_protocol::messages::{
+    LinkLoss, OnTakeover, Suspension, SuspensionCause, TaskId, TaskKind, TaskList, TaskSpec, TaskState,
+    TaskView, Waypoint, Who,
+};
 
 fn point() -> Waypoint {
     Waypoint { x_m: 1.5, y_m: -2.0, yaw_rad: Some(0.5) }

@@ -3,7 +3,11 @@
 
 use super::{id, name, pinned};
 use xtb_protocol::codec::{Format, decode, encoding};
-use xtb_protocol::messages::{Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, DispatchStatus, LinkLoss, OnTakeover, Suspension, SuspensionCause, TaskChange, TaskHistory, TaskId, TaskKind, TaskSpec, TaskState, TaskStep, TaskView, Waypoint, Who};
+use xtb_protocol::messages::{
+    Adopted, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest,
+    DispatchStatus, LinkLoss, OnTakeover, Suspension, SuspensionCause, TaskChange, TaskHistory, TaskId,
+    TaskKind, TaskSpec, TaskState, TaskStep, TaskView, Waypoint, Who,
+};
 
 fn point() -> Waypoint {
     Waypoint { x_m: 1.5, y_m: -2.0, yaw_rad: Some(0.5) }

@@ -3,7 +3,7 @@
 
 use xtb_protocol::Name;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
-use xtb_protocol::messages::IdentityStatus;
+use xtb_protocol::messages::{IdentityStatus, Message};
 
 #[test]
 fn an_identity_and_one_that_is_not_known() {

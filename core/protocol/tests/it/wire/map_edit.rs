@@ -3,7 +3,10 @@
 
 use super::pinned;
 use xtb_protocol::codec::{Format, encoding};
-use xtb_protocol::messages::{MAX_MAP_VERSIONS, MAX_WHY, MapContent, MapEdit, MapEditCode, MapEditReply, MapHash, MapHistory, MapPlace, MapVersion, MapZone, MapZoneKind, PlaceKind};
+use xtb_protocol::messages::{
+    MAX_MAP_VERSIONS, MAX_WHY, MapContent, MapEdit, MapEditCode, MapEditReply, MapHash, MapHistory, MapPlace,
+    MapVersion, MapZone, MapZoneKind, Message, PlaceKind,
+};
 use xtb_protocol::{Name, Uuid};
 
 fn content() -> MapContent {

@@ -1,8 +1,11 @@
 //! The bytes of questions about settings, and of who is at a dock.
 
 use super::{name, pinned};
-use xtb_protocol::messages::{FleetHomes, HomeStatus, Lease, ParamBody, ParamCareful, ParamChange, ParamCode, ParamInfo, ParamList, ParamOutcome, ParamReply, ParamRequest, ParamValue, ParamWhen, RobotHome, TaskId};
 use xtb_protocol::Uuid;
+use xtb_protocol::messages::{
+    FleetHomes, HomeStatus, Lease, Message, ParamBody, ParamCareful, ParamChange, ParamCode, ParamInfo,
+    ParamList, ParamOutcome, ParamReply, ParamRequest, ParamValue, ParamWhen, RobotHome, TaskId,
+};
 
 fn limit(value: f64) -> ParamValue {
     ParamValue { name: "navigation.drive.limit_mps".into(), value }

@@ -4,7 +4,12 @@
 
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
-use xtb_protocol::messages::{About, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Estop, Estopped, Event, Fix, FleetMap, IdentityStatus, LogReply, LogRequest, Message, NearState, Reply, Request, RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyReply, StandbyRequest, TaskChange, TaskEvent, TaskId, TaskList, TaskState, TrafficState, Truth, Waypoint};
+use xtb_protocol::messages::{
+    About, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Estop,
+    Estopped, Event, Fix, FleetMap, IdentityStatus, LogReply, LogRequest, Message, NearState, Reply, Request,
+    RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyReply, StandbyRequest, TaskChange,
+    TaskEvent, TaskId, TaskList, TaskState, TrafficState, Truth, Waypoint,
+};
 use xtb_protocol::wire::{CodecError, WIRE};
 
 /// A line each: the type; `json` or the version; the JSON or the bytes.

@@ -4,7 +4,9 @@
 use super::pinned;
 use xtb_protocol::Name;
 use xtb_protocol::codec::{Format, encode, encoding};
-use xtb_protocol::messages::{Copied, CopiedRecord, MAX_TERM, StandbyReply, StandbyRequest, StandbyView, Witnesses};
+use xtb_protocol::messages::{
+    Copied, CopiedRecord, MAX_TERM, StandbyReply, StandbyRequest, StandbyView, Witnesses,
+};
 
 fn follow(term: u32) -> StandbyRequest {
     StandbyRequest::Follow {

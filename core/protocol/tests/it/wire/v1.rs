@@ -4,11 +4,16 @@
 use super::{hex, id, pinned};
 use xtb_control::PwmCount;
 use xtb_control::controller::{GyroSample, PwmOutputs};
-use xtb_protocol::board::FrameWriter;
-use xtb_protocol::codec::{Format, encode, encoding};
-use xtb_protocol::gyro_3dmg::EulerFrame;
-use xtb_protocol::messages::{AckBody, AckReply, AckRequest, Acknowledged, Alert, AlertKind, Done, Estop, Estopped, Event, EventKind, FleetAlerts, FleetMap, FleetPlaces, GoalStatus, HistoryEvent, HistoryKind, HistoryPlace, HistoryReply, HistoryRequest, MapCell, MapHash, MapPlace, MapZone, MapZoneKind, PlaceKind, RejectCode, Reply, RobotReport, Setpoint, StopCount};
 use xtb_protocol::Name;
+use xtb_protocol::board::FrameWriter;
+use xtb_protocol::codec::{Format, encoding};
+use xtb_protocol::gyro_3dmg::EulerFrame;
+use xtb_protocol::messages::{
+    AckBody, AckReply, AckRequest, Acknowledged, Alert, AlertKind, Done, Estop, Estopped, Event, EventKind,
+    FleetAlerts, FleetMap, FleetPlaces, GoalStatus, HistoryEvent, HistoryKind, HistoryPlace, HistoryReply,
+    HistoryRequest, MapCell, MapHash, MapPlace, MapZone, MapZoneKind, Message, PlaceKind, RejectCode, Reply,
+    RobotReport, Setpoint, StopCount,
+};
 
 #[test]
 fn a_reply() {

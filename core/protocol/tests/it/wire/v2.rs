@@ -2,9 +2,9 @@
 //! change need a new version of their type, and a file of their own.
 
 use super::{id, pinned};
+use xtb_protocol::Name;
 use xtb_protocol::codec::{Format, decode, encoding};
 use xtb_protocol::messages::{Body, Latch, Lease, LinkLoss, Request, Sensors, Via};
-use xtb_protocol::Name;
 
 fn name() -> Name {
     Name::new("xtb-1").unwrap()

@@ -4,7 +4,9 @@
 use super::{id, name, pinned};
 use xtb_control::frames::MapPose;
 use xtb_protocol::codec::{Format, encoding};
-use xtb_protocol::messages::{Arc, Event, EventKind, Fault, Fix, FixSource, GoalStatus, Latch, Route, RouteGoal, Track, TrafficState};
+use xtb_protocol::messages::{
+    Arc, Event, EventKind, Fault, Fix, FixSource, GoalStatus, Latch, Route, RouteGoal, Track, TrafficState,
+};
 
 fn track() -> Track {
     Track {

@@ -4,9 +4,13 @@
 use super::{id, name, pinned};
 use xtb_control::Mode;
 use xtb_control::frames::MapPose;
-use xtb_protocol::codec::{Format, decode, encoding};
-use xtb_protocol::messages::{Arc, BatteryLevel, Fault, FaultState, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, Latch, LatchState, LeaseState, LinkLoss, MapState, NavPhase, NavState, ObstacleView, PoseSource, PoseState, Rejected, RobotState, RouteSource, RouteState, StopReason, TiltState, Track, Via};
 use xtb_protocol::Uuid;
+use xtb_protocol::codec::{Format, decode, encoding};
+use xtb_protocol::messages::{
+    Arc, BatteryLevel, Fault, FaultState, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, Latch,
+    LatchState, LeaseState, LinkLoss, MapState, NavPhase, NavState, ObstacleView, PoseSource, PoseState,
+    Rejected, RobotState, RouteSource, RouteState, StopReason, TiltState, Track, Via,
+};
 
 fn track() -> Track {
     Track {

@@ -9,9 +9,7 @@ use xtb_bus::Question;
 use xtb_dispatch::Dispatcher;
 use xtb_dispatch::replication::Follow;
 use xtb_protocol::codec::Format;
-use xtb_protocol::messages::{
-    Copied, CopiedRecord, STANDBY_PAGE_BYTES, StandbyReply, StandbyRequest,
-};
+use xtb_protocol::messages::{Copied, CopiedRecord, STANDBY_PAGE_BYTES, StandbyReply, StandbyRequest};
 
 /// Questions of several stand-bys that wait for news at most; then the first one is answered.
 const PARKED: usize = 8;
