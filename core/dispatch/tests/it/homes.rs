@@ -212,7 +212,7 @@ fn a_dock_that_does_not_charge_is_left_for_another_one() {
 #[test]
 fn an_idle_robot_parks_and_leaves_for_the_next_task() {
     let mut bench = bench(1, &docks());
-    bench.run_ms(28_000);
+    bench.run_ms(25_000);
     assert_eq!(own(&bench).len(), 0);
     bench.run_ms(4_000);
     let [(drive, _, to)] = own(&bench)[..] else { panic!("{:?}", own(&bench)) };

@@ -135,7 +135,7 @@ impl ShownRobot<'_> {
         let Some(state) = self.state else {
             return match self.standing() {
                 Standing::Missing => "MISSING".to_owned(),
-                Standing::Gone => format!("MISSING for {}", age(self.age_ms)),
+                Standing::Gone => format!("MISSING {}", age(self.age_ms)),
                 _ if self.age_ms.is_none() => "STALE".to_owned(),
                 _ => format!("STALE for {}", age(self.age_ms)),
             };
