@@ -80,7 +80,7 @@ const FILTER: &str = "
         order.update(robots, false);
         const found = (text) => shownRobots(robots, text, order).map((one) => one.name).join(' ');
         const said = {};
-        for (const text of ['', '@north', '@NOR latched', 'fox', '2', '12', 'off', 'blocked', 'driving', 'nobody']) said[text] = found(text);
+        for (const text of ['', '@north', '@NOR latched', 'fox', '2', '12', 'mis', 'blocked', 'driving', 'nobody']) said[text] = found(text);
         said.counts = counts(robots).map(([name, count]) => `${count} ${name}`).join(' ');
         // While it is held nobody moves, and who is new comes last.
         const later = [...robots.map((one) => (one.name === 'xtb-22' ? robot('xtb-22', {latches: ['estop']}) : one)), robot('xtb-23', {latches: ['estop']})];

@@ -117,7 +117,7 @@ fn an_operator_is_called_acknowledges_by_name_and_a_kill_forgets_nothing() {
     assert_eq!(alert["acknowledged"]["by"], "alice");
     assert_eq!(lab.ok(&format!("--client bob alerts ack {id}"))[0]["before"], json!([id]));
     let (code, refused) = lab.run("alerts ack 4711");
-    assert_eq!((code, &refused.last().unwrap()["error"]["message"]), (2, &json!("no such alert: 4711")));
+    assert_eq!((code, &refused.last().unwrap()["error"]["message"]), (1, &json!("no such alert: 4711")));
 
     // The other robot works.
     lab.ok("dispatch goto 0 2 --wait");

@@ -303,7 +303,7 @@ fn a_change_of_the_served_map_is_in_its_file_and_in_its_history() {
         )
     };
     let (code, refused) = run(&["place", "add", "dock", "1", "2"]);
-    assert_eq!((code, &refused["error"]["code"]), (2, &"config".into()), "{refused}");
+    assert_eq!((code, &refused["error"]["code"]), (3, &"no_map".into()), "{refused}");
     let serve = || {
         let mut command = fleet_cli(&["--connect", router.endpoint(), "map", "serve", path]);
         Process::start_ready(&mut command).0
