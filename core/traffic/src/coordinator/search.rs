@@ -34,6 +34,8 @@ struct Grain {
 const COARSE: Grain = Grain { moves: &[4], cell_m: 0.12, directions: 20.0 };
 /// For turning between two walls: moves of 7 cm too, 9° on an XTB's circle.
 const FINE: Grain = Grain { moves: &[4, 1], cell_m: 0.05, directions: 48.0 };
+/// Turn and gear of the moves: on full lock or straight.
+const MOVES: [(f64, f64); 6] = [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)];
 /// What the estimate counts more than what has been driven: ways are found sooner and may cost up to twice as
 /// much; chosen, not measured.
 const HEURISTIC_WEIGHT: f64 = 2.0;
@@ -272,9 +274,21 @@ impl<'a> Search<'a> {
         self.task.room.is_free(&stand.body, self.body_margin_m) && self.crowd.leaves_free(&stand)
     }
 
-    /// Whether who ends there in any heading can drive on.
+    /// Whether who ends there in any heading can drive on: by the lanes, and with what is fixed at least a small move.
     fn lets_drive_on(&self, pose: &MapPose) -> bool {
+        let mut sweep = Vec::new();
+        let mut goes = |(turn, gear)| {
+            let piece = self.piece(FINE.moves[1], turn, gear);
+            self.sweep_over(&mut sweep, *pose, gear, &[piece]).is_some()
+        };
         self.task.room.one_way().is_none_or(|zones| zones.lets_drive_on(pose))
+            && MOVES.into_iter().filter(|(_, gear)| self.task.car.gears.allow(*gear)).any(&mut goes)
+    }
+
+    /// A move of so many ticks, + = to the left and ahead.
+    fn piece(&self, ticks: u32, turn: f64, gear: f64) -> Piece {
+        let length_m = TICK_WAY_M * f64::from(ticks) * gear;
+        Piece { length_m, curvature_per_m: turn / self.radius_m }
     }
 
     /// Ticks to the goal at least, or nearly; `None` where none can be reached.
@@ -328,14 +342,11 @@ impl Expand for Search<'_> {
             self.shoot(tree, index, &pose);
         }
         for &ticks in self.grain.moves {
-            for (turn, gear) in [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, -1.0), (1.0, -1.0), (-1.0, -1.0)]
-            {
-                if !self.task.car.gears.allow(gear) {
-                    continue;
+            for (turn, gear) in MOVES {
+                if self.task.car.gears.allow(gear) {
+                    let piece = self.piece(ticks, turn, gear);
+                    self.go(tree, index, &[piece], false);
                 }
-                let length_m = TICK_WAY_M * f64::from(ticks) * gear;
-                let piece = Piece { length_m, curvature_per_m: turn / self.radius_m };
-                self.go(tree, index, &[piece], false);
             }
         }
     }
@@ -346,97 +357,4 @@ fn rank(path: &Path) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::coordinator::field::Field;
-    use crate::coordinator::occupancy::Occupancy;
-    use crate::coordinator::room::GridRoom;
-    use crate::coordinator::task::{Other, Target};
-    use xtb_control::VehicleConfig;
-    use xtb_nav::{Car, Gears};
-
-    fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
-        MapPose { x_m, y_m, yaw_rad }
-    }
-
-    /// Two rooms of 5 m × 6 m and a door of 1.2 m.
-    fn rooms() -> GridRoom {
-        GridRoom::with(10.0, 6.0, &[[4.9, 0.0, 0.2, 2.4], [4.9, 3.6, 0.2, 2.4]])
-    }
-
-    fn find(
-        room: &GridRoom,
-        start: MapPose,
-        goal: MapPose,
-        lines: &[Occupancy],
-    ) -> (Result<Vec<Leg>, Stuck>, u32) {
-        find_for(&Car::of(&VehicleConfig::default()), room, start, goal, lines)
-    }
-
-    fn find_for(
-        car: &Car,
-        room: &GridRoom,
-        start: MapPose,
-        goal: MapPose,
-        lines: &[Occupancy],
-    ) -> (Result<Vec<Leg>, Stuck>, u32) {
-        let target = Some(Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: Some(goal.yaw_rad) });
-        let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
-        let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, separation_m: 0.08 }).collect();
-        let (others, soft) = (&others[..], &[][..]);
-        let task = Task { room, car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
-        let mut left = 5000;
-        let found = search(&task, left, &mut left);
-        (found, 5000 - left)
-    }
-
-    #[test]
-    fn a_car_that_looks_one_way_only_is_sent_that_way_only() {
-        let room = rooms();
-        for gears in [Gears { ahead: true, astern: false }, Gears { ahead: false, astern: true }] {
-            let car = Car { gears, ..Car::of(&VehicleConfig::default()) };
-            for yaw_rad in [0.0, 1.5, 3.0, -1.5] {
-                let (legs, _) = find_for(&car, &room, pose(1.5, 1.5, yaw_rad), pose(8.0, 4.0, 0.0), &[]);
-                let legs = legs.unwrap_or_else(|stuck| panic!("{gears:?} from {yaw_rad}: {stuck:?}"));
-                assert!(legs.iter().all(|leg| gears.allow(leg.piece.length_m)), "{legs:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_robot_refuses_at_once_the_goals_that_are_not_free_here() {
-        let room = rooms();
-        let map = xtb_nav::Map::new("rooms", room.grid().clone(), Vec::new()).unwrap();
-        let floor = xtb_nav::navigator::PreparedMap::of(map);
-        let car = Car::of(&VehicleConfig::default());
-        let (mut refused, mut served) = (0, 0);
-        for start in [pose(1.2, 1.0, 0.0), pose(4.66, 1.0, std::f64::consts::FRAC_PI_2)] {
-            for n in 0..60_u32 {
-                let goal = pose(4.0 + f64::from(n) * 0.015, 1.2, f64::from(n % 7));
-                let target = xtb_nav::navigator::TargetPose {
-                    x_m: goal.x_m,
-                    y_m: goal.y_m,
-                    yaw_rad: Some(goal.yaw_rad),
-                };
-                let robot = floor.too_near_for_traffic(&car, &start, &target);
-                let (here, _) = find(&room, start, goal, &[]);
-                assert_eq!(
-                    robot.is_some(),
-                    here == Err(Stuck::Goal),
-                    "{start:?} → {goal:?}: {robot:?}, {here:?}"
-                );
-                *(if robot.is_some() { &mut refused } else { &mut served }) += 1;
-            }
-        }
-        assert!(refused > 20 && served > 20, "{refused} refused, {served} served");
-    }
-
-    #[test]
-    fn alone_it_finds_the_way_through_the_door_at_once() {
-        let room = rooms();
-        for (yaw_from, yaw_to) in [(0.0, 0.0), (0.0, std::f64::consts::PI), (1.5, -1.5)] {
-            let (legs, expanded) = find(&room, pose(1.2, 1.0, yaw_from), pose(8.8, 4.0, yaw_to), &[]);
-            assert!(legs.is_ok() && expanded < 400, "{legs:?}, {expanded} expanded");
-        }
-    }
-}
+mod tests;

@@ -60,7 +60,11 @@ fn map_tasks_and_happenings_come_once_and_when_they_change() {
         let kind = |message: Value| message.as_object().unwrap().keys().next().unwrap().clone();
         news(known, scene, 0).into_iter().map(kind).collect::<Vec<_>>()
     };
-    assert_eq!(kinds(&mut known, &scene), ["map", "places", "frame"], "that there is no map, and no place, is told");
+    assert_eq!(
+        kinds(&mut known, &scene),
+        ["map", "places", "frame"],
+        "that there is no map, and no place, is told"
+    );
     assert_eq!(kinds(&mut known, &scene), ["frame"]);
     put(&mut scene, 0, &keys().map(), map(1));
     let list = TaskList {
