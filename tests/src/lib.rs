@@ -10,6 +10,7 @@ pub mod identities;
 pub mod live;
 pub mod load;
 pub mod mesh;
+mod monitor;
 pub mod page_identities;
 mod pilot;
 mod probe;
@@ -24,6 +25,7 @@ pub mod vda5050;
 pub mod vehicles;
 
 pub use live::Live;
+pub use monitor::{GroundTruth, Monitor};
 pub use pilot::Pilot;
 pub use probe::Probe;
 pub use rig::{Rig, Trial};

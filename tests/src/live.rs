@@ -5,17 +5,15 @@
 //! Time is the world's, which runs at real time as far as the machine can.
 
 use crate::processes::{Process, Signal, program};
-use crate::{Pilot, eventually, name};
-use std::collections::{BTreeMap, BTreeSet};
+use crate::{GroundTruth, Monitor, Pilot, eventually, name};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use xtb_bus::{Bus, Incoming, Role, Subscription};
+use xtb_bus::{Bus, Role};
 use xtb_chaos::meetings::{Judge, Meeting, Setting, Sight};
 use xtb_control::frames::MapPose;
-use xtb_protocol::keys::FleetKeys;
-use xtb_protocol::messages::{Body, Done, LinkLoss, Outcome, PoseSource, RobotState, Truth, TruthRobot, Via};
+use xtb_protocol::messages::{Body, Done, LinkLoss, Outcome, PoseSource, RobotState, TruthRobot, Via};
 use xtb_protocol::{Name, Uuid};
 
 const FLEET: &str = "lab";
@@ -69,27 +67,15 @@ impl Told {
     }
 }
 
-/// The latest of everything.
-#[derive(Debug, Default)]
-struct Heard {
-    truth: Option<Truth>,
-    states: BTreeMap<Name, RobotState>,
-}
-
-fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
-    heard.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// A fleet in a setting, its traffic control, and a client.
 pub struct Live {
     names: Vec<Name>,
-    heard: Arc<Mutex<Heard>>,
+    monitor: Monitor,
     pilots: Vec<Pilot>,
     dead: BTreeSet<usize>,
     endpoint: String,
     traffic: Option<Process>,
     agents: Vec<Option<Process>>,
-    _subscriptions: [Subscription; 2],
     _bus: Bus,
     _sim: Process,
 }
@@ -114,8 +100,7 @@ impl Live {
         let endpoint = endpoint.unwrap_or_else(|| panic!("the simulator says {ready:?}")).to_owned();
         let role = Role::Client { connect: vec![endpoint.clone()] };
         let bus = eventually("a session", || async { xtb_bus::open(&role).await.ok() }).await;
-        let heard = Arc::<Mutex<Heard>>::default();
-        let subscriptions = listen(&bus, &heard).await;
+        let monitor = Monitor::listen(&bus, FLEET).await;
         let names: Vec<Name> = (1..=robots).map(|number| name(&format!("xtb-{number}"))).collect();
         let agents = names.iter().zip(&setting.starts);
         let agents =
@@ -127,13 +112,12 @@ impl Live {
         }
         let mut live = Self {
             names,
-            heard,
+            monitor,
             pilots,
             dead: BTreeSet::new(),
             endpoint,
             traffic: None,
             agents,
-            _subscriptions: subscriptions,
             _bus: bus,
             _sim: sim,
         };
@@ -152,25 +136,24 @@ impl Live {
 
     async fn until_all(&self, what: &str, is: impl Fn(usize, &RobotState) -> bool) {
         eventually(what, || async {
-            let heard = lock(&self.heard);
-            let knows = |(index, name)| heard.states.get(name).is_some_and(|state| is(index, state));
-            (heard.truth.is_some() && self.names.iter().enumerate().all(knows)).then_some(())
+            let knows = |(index, name)| self.monitor.state(name).is_some_and(|state| is(index, &state));
+            self.names.iter().enumerate().all(knows).then_some(())
         })
         .await;
     }
 
     fn sights(&self) -> Vec<Sight> {
-        let heard = lock(&self.heard);
+        let truth = self.monitor.latest();
         let sight = |name: &Name| {
-            let truth = heard.truth.as_ref().and_then(|truth| truth.robots.get(name));
-            let (truth, state) = truth.zip(heard.states.get(name)).unwrap_or_else(|| panic!("no {name}"));
-            Sight { truth: *truth, state: state.clone() }
+            let both = truth.robots.get(name).copied().zip(self.monitor.state(name));
+            let (truth, state) = both.unwrap_or_else(|| panic!("no {name}"));
+            Sight { truth, state }
         };
         self.names.iter().map(sight).collect()
     }
 
     fn time_s(&self) -> f64 {
-        lock(&self.heard).truth.as_ref().map_or(0.0, |truth| truth.t_s)
+        self.monitor.time_s()
     }
 
     /// All go to these goals at once; `each` sees every look of the witness.
@@ -290,22 +273,4 @@ fn world_file(setting: &Setting) -> String {
     };
     world.insert("starts".into(), setting.starts.iter().map(start).collect::<Vec<_>>().into());
     world.to_string()
-}
-
-async fn listen(bus: &Bus, heard: &Arc<Mutex<Heard>>) -> [Subscription; 2] {
-    let keys = FleetKeys::new(name(FLEET));
-    let (truths, states) = (heard.clone(), heard.clone());
-    let truths = move |incoming: Incoming| {
-        if let Ok(truth) = incoming.decode::<Truth>() {
-            lock(&truths).truth = Some(truth);
-        }
-    };
-    let states = move |incoming: Incoming| {
-        if let Ok(state) = incoming.decode::<RobotState>() {
-            lock(&states).states.insert(state.robot.clone(), state);
-        }
-    };
-    let truths = bus.subscribe(&keys.sim_truth(), truths).await.unwrap_or_else(|error| panic!("{error}"));
-    let states = bus.subscribe(&keys.any_robot().state(), states).await;
-    [truths, states.unwrap_or_else(|error| panic!("{error}"))]
 }

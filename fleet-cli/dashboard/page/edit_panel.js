@@ -2,11 +2,13 @@
 
 import { html, nothing } from "./vendor/lit-html.js";
 import { live } from "./vendor/directives/live.js";
+import { startRobot, startTag } from "./map_draft.js";
 import { age } from "./words.js";
 
 const PLACE_KINDS = { place: "Place", dock: "Dock", parking: "Parking", waiting: "Waiting" };
 const HISTORY_SHOWN = 10;
 const MOST_WHY = 200;
+const MOST_TAG = 32; // characters
 
 export function mapPanel(store, editor) {
   if (!store.map) return html`<p class="empty">No map is served to this fleet. Serve one with <code>fleet-cli map serve FILE</code>.</p>`;
@@ -15,7 +17,7 @@ export function mapPanel(store, editor) {
   return html`<h2>Editing map ${store.map.name}</h2>
     ${conflict(editor)}
     ${tools(editor)}
-    ${draft.item ? form(draft, editor) : html`<p class="hint">Tap a zone or a place to select it. What is selected can be dragged:
+    ${draft.item ? form(draft, editor, [...store.robots.keys()]) : html`<p class="hint">Tap a zone or a place to select it. What is selected can be dragged:
       as a whole, by its corners, or by the middle of a side, which makes a corner.</p>`}
     ${list(draft, editor)}
     ${saving(store, editor)}
@@ -64,7 +66,7 @@ function tools(editor) {
 }
 
 // What is selected, in figures. A number that cannot be read changes nothing.
-function form(draft, editor) {
+function form(draft, editor, robots) {
   const { item, selected } = draft;
   const put = (change) => editor.change((it) => it.put({ ...it.item, ...change }));
   const number = (label, value, set, rest = {}) => html`<label>${label}<input type="number" step=${rest.step ?? "0.05"} .value=${value}
@@ -73,7 +75,8 @@ function form(draft, editor) {
       if (read === null || Number.isFinite(read)) set(read);
       else event.target.value = value;
     }}></label>`;
-  const own = selected.kind === "zones" ? zoneFields(item, put, number) : placeFields(item, put, number);
+  const own = selected.kind === "zones" ? zoneFields(item, put, number)
+    : html`${placeFields(item, put, number)}${startField(item, editor, robots)}`;
   return html`<fieldset class="form edit-item" id="edit-item">
     <label class="wide">Name<input id="edit-name" type="text" maxlength="64" .value=${item.name}
       @change=${(event) => put({ name: event.target.value.trim() })}></label>
@@ -107,6 +110,17 @@ function placeFields({ kind, x_m, y_m, yaw_rad, tags }, put, number) {
     <label class="wide">Tags<input type="text" .value=${tags.join(" ")} @change=${(event) => put({ tags: labels(event.target.value) })}></label>`;
 }
 
+// Whose start pose a place is.
+function startField({ tags }, editor, robots) {
+  const now = startRobot(tags);
+  const names = new Set(robots.filter((name) => startTag(name).length <= MOST_TAG));
+  if (now !== null) names.add(now);
+  const choose = (event) => editor.change((it) => it.setStart(event.target.value || null));
+  return html`<label class="wide">Start pose of<select id="edit-start" .value=${live(now ?? "")} @change=${choose}>
+      <option value="" ?selected=${now === null}>no robot</option>
+      ${[...names].map((name) => html`<option value=${name} ?selected=${name === now}>${name}</option>`)}</select></label>`;
+}
+
 function degrees(rad) {
   return String(Math.round((rad * 1800) / Math.PI) / 10);
 }
@@ -123,7 +137,7 @@ function list(draft, editor) {
   };
   return html`<ul class="edit-list" aria-label="Zones and places">
     ${draft.now.zones.map(row("zones", ({ kind }) => (kind === "keep_out" ? "keep-out" : "one-way")))}
-    ${draft.now.places.map(row("places", ({ kind }) => kind))}</ul>`;
+    ${draft.now.places.map(row("places", ({ kind, tags }) => (startRobot(tags) ? `${kind}, start of ${startRobot(tags)}` : kind)))}</ul>`;
 }
 
 function saving(store, editor) {

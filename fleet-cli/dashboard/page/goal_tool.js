@@ -54,6 +54,13 @@ export class GoalTool {
     this.#do.changed();
   }
 
+  // A pose that is known already, as if it had been pressed: it is sent as any other.
+  propose(at) {
+    this.use("pose");
+    if (this.tool === "pose" && this.#canAim()) this.preview = this.#poseAt(at);
+    this.#do.changed();
+  }
+
   clear() {
     this.preview = null;
     this.#drop();

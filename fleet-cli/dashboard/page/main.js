@@ -170,6 +170,10 @@ function actions() {
       changed();
     },
     aimPose: () => aim.use(aim.tool === "pose" ? "look" : "pose"),
+    startPose(robot) {
+      const start = store.startOf(robot);
+      if (start) aim.propose(start);
+    },
     sendGoal: () => aim.send(),
     sendPose: () => aim.send(),
     dropGoal: () => aim.clear(),

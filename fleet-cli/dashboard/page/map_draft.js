@@ -3,6 +3,7 @@
 
 export const KINDS = ["zones", "places"];
 const STEPS = 200;
+const START_TAG = "start-";
 
 export class MapDraft {
   base; // {map, places}: hashes of what was read
@@ -53,6 +54,18 @@ export class MapDraft {
   // Another item in place of the selected one.
   put(item) {
     if (this.item !== null && !same(this.item, item)) this.#step(this.#with(item));
+  }
+
+  // The selected place becomes the start pose of a robot, and no other place is; null = it is nobody's.
+  setStart(robot) {
+    if (this.selected?.kind !== "places") return;
+    const retagged = (place, i) => {
+      const own = i === this.selected.index;
+      const tags = place.tags.filter((tag) => (own ? startRobot([tag]) === null : tag !== startTag(robot)));
+      if (own && robot !== null) tags.push(startTag(robot));
+      return { ...place, tags };
+    };
+    this.#step({ ...this.now, places: this.now.places.map(retagged) });
   }
 
   remove() {
@@ -166,6 +179,16 @@ export class MapDraft {
     this.now = from.pop();
     if (this.item === null) this.selected = null;
   }
+}
+
+// The tag of the place where this robot starts.
+export function startTag(robot) {
+  return `${START_TAG}${robot}`;
+}
+
+// The robot that starts at a place with these tags, or null.
+export function startRobot(tags) {
+  return tags.find((tag) => tag.startsWith(START_TAG) && tag !== START_TAG)?.slice(START_TAG.length) ?? null;
 }
 
 export function same(one, other) {

@@ -111,7 +111,10 @@ function buttons(robot, store, act, look) {
         @click=${() => (driving ? act.driveEnd() : act.drive(robot.name, false))}>${driving ? "End driving" : "Drive by hand"}</button>
     </div>
     <div class="row"><button type="button" id="set-pose" title=${denied ?? "Tell it where it stands"} aria-pressed=${look.tool === "pose"}
-      ?disabled=${off || !robot.alive || robot.stale} @click=${act.aimPose}>Set pose</button></div>
+      ?disabled=${off || !robot.alive || robot.stale} @click=${act.aimPose}>Set pose</button>
+      ${store.startOf(robot) === null ? nothing
+        : html`<button type="button" id="set-start" title=${denied ?? "Tell it that it stands at its start pose"}
+            ?disabled=${off || !robot.alive || robot.stale} @click=${() => act.startPose(robot)}>Set to start pose</button>`}</div>
     ${held
       ? html`<div class="box warn"><p>${held.text}</p><div class="row">
           <button type="button" class="danger" id="take" @click=${held.take}>${held.title}</button>

@@ -2,6 +2,8 @@
 // No I/O and no clock: `nowMs` is the page's monotonic clock, given by the caller.
 // A stale robot keeps only its last pose, marked as such; everything else of it is unknown.
 
+import { startTag } from "./map_draft.js";
+
 export const TRAIL_POINTS = 400;
 export const SAMPLES = 1200; // of the watched robot: 60 s at 20 Hz
 export const HAPPENINGS = 200;
@@ -114,6 +116,11 @@ export class Store {
     return this.robots.get(this.selected) ?? null;
   }
 
+  // Where a robot starts: as the map says, else the roster; null = neither does.
+  startOf(robot) {
+    return this.places.find(({ tags }) => tags.includes(startTag(robot.name))) ?? robot.start ?? null;
+  }
+
   // What the dispatcher has suspended; nothing where that is unknown.
   suspended() {
     return this.dispatcher() ? this.frame.suspended ?? [] : [];
@@ -213,6 +220,7 @@ function unknown(robot) {
 function merge(old, news, colour, nowMs) {
   const robot = { ...news, colour, latches: news.latches ?? [], faults: news.faults ?? [], why: news.why ?? [] };
   robot.body = news.body ?? old?.body;
+  robot.start = news.start ?? old?.start;
   robot.trail = news.trail_reset || !old ? [] : old.trail;
   if (news.trail?.length) {
     robot.trail = robot.trail.concat(news.trail).slice(-TRAIL_POINTS);

@@ -97,6 +97,9 @@ struct Row {
     /// `None` = the page has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     body: Option<Body>,
+    /// The roster's start pose; `None` = there is none, or the page has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    start: Option<MapPose>,
     mode: Option<Mode>,
     speed_mps: Option<f64>,
     reference_mps: Option<f64>,
@@ -185,6 +188,7 @@ struct KnownRobot {
     paths: u64,
     path: Option<Track>,
     body: Option<Body>,
+    start: Option<MapPose>,
 }
 
 /// Which frame it is.
@@ -302,6 +306,7 @@ impl KnownRobot {
             tags: robot.roster.as_ref().map(|entry| entry.tags.clone()).unwrap_or_default(),
             pose: robot.state.as_ref().map(|seen| Pose::of(&seen.value)),
             body: self.body(robot),
+            start: self.start(robot),
             path: self.path(fresh.and_then(|state| state.nav.route.as_ref())),
             trail,
             trail_reset,
@@ -337,6 +342,11 @@ impl KnownRobot {
             }),
             ..row
         }
+    }
+
+    fn start(&mut self, robot: &Robot) -> Option<MapPose> {
+        let start = robot.roster.as_ref().and_then(|entry| entry.start_pose);
+        start.filter(|_| std::mem::replace(&mut self.start, start) != start)
     }
 
     fn body(&mut self, robot: &Robot) -> Option<Body> {

@@ -18,9 +18,9 @@ use xtb_client::control::Control;
 use xtb_client::reset::{STATE_EVERY, next_state};
 use xtb_client::state_feed::StateFeed;
 use xtb_client::text::robot as describe;
-use xtb_client::{Error, ErrorKind, Result};
+use xtb_client::{Error, ErrorKind, Result, map_source};
 use xtb_control::frames::{MapPose, wrap_rad};
-use xtb_protocol::messages::{Body, PoseState, Waypoint};
+use xtb_protocol::messages::{Body, MapPlace, PoseState, RosterEntry, Waypoint};
 use xtb_protocol::{Name, Uuid};
 
 /// Arguments of `set-pose`.
@@ -37,7 +37,8 @@ pub struct SetPoseArgs {
     /// North, in m.
     #[arg(value_name = "Y", value_parser = metres)]
     pub y_m: Option<f64>,
-    /// Each robot is at its start pose of the roster.
+    /// Each robot is at its start pose: the place of the fleet's map with the tag start-ROBOT, else the roster's
+    /// start_pose.
     #[arg(long, conflicts_with_all = ["point", "yaw"])]
     pub start: bool,
     /// Yaw, in degrees counter-clockwise from east [default: the place's, else the current yaw].
@@ -83,7 +84,7 @@ pub async fn run(ctx: &Context, args: &SetPoseArgs) -> Result<Exit> {
         (Some(_), robots) => {
             let message = format!("{} robots cannot stand at one point", robots.len());
             Err(Error::new(ErrorKind::Invalid, message)
-                .hint("--start sets each to its start pose of the roster; else set one after the other"))
+                .hint("--start sets each to its own start pose; else set one after the other"))
         }
         (None, robots) => at_start(ctx, &client, robots, args.lease.take).await,
     };
@@ -104,16 +105,18 @@ async fn one(ctx: &Context, client: &Client, robot: &Name, at: Waypoint, take: b
 /// Each robot at its start pose; what comes of it is said of each, and the worst is the command's end.
 async fn at_start(ctx: &Context, client: &Client, robots: &[Name], take: bool) -> Result<Exit> {
     let roster = client.roster_entries(&[]).await?.unwrap_or_default();
+    let places = map_source::places(client.bus(), client.keys(), ctx.settings.timeout).await?;
     let each = robots.iter().map(|robot| {
-        let pose = roster.iter().find(|entry| entry.name == *robot).and_then(|entry| entry.start_pose);
+        let start = start_pose(&places, &roster, robot);
         async move {
-            let set = match pose {
-                Some(MapPose { x_m, y_m, yaw_rad }) => {
-                    one(ctx, client, robot, Waypoint { x_m, y_m, yaw_rad: Some(yaw_rad) }, take).await
-                }
+            let set = match start {
+                Some(at) => one(ctx, client, robot, at, take).await,
                 None => {
-                    Err(Error::new(ErrorKind::Invalid, format!("the roster has no start pose of {robot}"))
-                        .hint("write start_pose below its name in the fleet config, or give X and Y"))
+                    let message = format!("neither map nor roster have a start pose of {robot}");
+                    Err(Error::new(ErrorKind::Invalid, message).hint(format!(
+                        "give a place of the map the tag start-{robot}, or write start_pose below its name in the \
+                         fleet config; else give X and Y"
+                    )))
                 }
             };
             set.unwrap_or_else(|error| {
@@ -123,6 +126,15 @@ async fn at_start(ctx: &Context, client: &Client, robots: &[Name], take: bool) -
         }
     });
     Ok(join_all(each).await.into_iter().fold(Exit::Done, Exit::worse))
+}
+
+/// Where a robot starts: as the map says, else the roster.
+fn start_pose(places: &[MapPlace], roster: &[RosterEntry], robot: &Name) -> Option<Waypoint> {
+    if let Some(&MapPlace { x_m, y_m, yaw_rad, .. }) = places.iter().find(|place| place.is_start_of(robot)) {
+        return Some(Waypoint { x_m, y_m, yaw_rad });
+    }
+    let MapPose { x_m, y_m, yaw_rad } = roster.iter().find(|entry| entry.name == *robot)?.start_pose?;
+    Some(Waypoint { x_m, y_m, yaw_rad: Some(yaw_rad) })
 }
 
 async fn set_pose<'a>(

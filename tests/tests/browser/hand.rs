@@ -4,7 +4,7 @@
 
 use crate::driver::Browser;
 use fantoccini::actions::{InputSource, MouseActions, PointerAction};
-use fleet_tests::{Fleet, eventually};
+use fleet_tests::{Fleet, GroundTruth, eventually};
 
 /// Takes xtb-1 by hand and holds the stick ahead until it rolls.
 pub(crate) async fn drive(fleet: &Fleet, browser: &Browser) {
@@ -38,6 +38,6 @@ async fn press(browser: &Browser, (x, y): (f64, f64)) {
 }
 
 /// Since when the motor of xtb-1 is neutral, in s of the world.
-pub(crate) async fn neutral_since_s(fleet: &Fleet) -> f64 {
+pub(crate) async fn neutral_since_s(fleet: &impl GroundTruth) -> f64 {
     eventually("neutral", || async { fleet.truth(1).neutral_since_s }).await
 }

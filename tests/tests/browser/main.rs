@@ -8,6 +8,7 @@
 mod alerts;
 mod axe;
 mod crowd;
+mod day;
 mod driver;
 mod driving;
 mod foreign;
@@ -44,6 +45,19 @@ async fn shown_at(browser: &Browser, number: usize) -> (f64, f64) {
     let script = format!("const {{x_m, y_m}} = store.robots.get('xtb-{number}').pose; return [x_m, y_m];");
     let at = browser.ask(&script).await;
     (at[0].as_f64().unwrap(), at[1].as_f64().unwrap())
+}
+
+/// Presses E-STOP ALL; the page says that each of xtb-1, xtb-2 … has confirmed it.
+async fn estop_all(browser: &Browser, robots: usize) {
+    browser.click("#estop").await;
+    let answered = "const said = document.getElementById('stops').textContent;
+        return said.includes('Emergency stop of all robots') && !said.includes('waiting for confirmation')";
+    browser.until("the page shows what came of the emergency stop", answered).await;
+    let outcomes =
+        "return [...document.querySelectorAll('[data-stopped].good')].map((chip) => chip.dataset.stopped)";
+    let said = browser.ask("return document.getElementById('stops').innerText").await;
+    let all: Vec<_> = (1..=robots).map(|number| format!("xtb-{number}")).collect();
+    assert_eq!(browser.ask(outcomes).await, serde_json::json!(all), "{said}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -85,14 +99,7 @@ async fn goals_are_clicked_and_reached_and_an_emergency_stop_latches_all() {
     }
     eventually("all drive", || async { (1..=3).all(|n| fleet.truth(n).speed_mps > 0.05).then_some(()) })
         .await;
-    browser.click("#estop").await;
-    let answered = "const said = document.getElementById('stops').textContent;
-        return said.includes('Emergency stop of all robots') && !said.includes('waiting for confirmation')";
-    browser.until("the page shows what came of the emergency stop", answered).await;
-    let outcomes =
-        "return [...document.querySelectorAll('[data-stopped].good')].map((chip) => chip.dataset.stopped)";
-    let said = browser.ask("return document.getElementById('stops').innerText").await;
-    assert_eq!(browser.ask(outcomes).await, serde_json::json!(["xtb-1", "xtb-2", "xtb-3"]), "{said}");
+    estop_all(&browser, 3).await;
     browser
         .until(
             "the page shows the latches",

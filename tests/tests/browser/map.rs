@@ -14,33 +14,36 @@ use xtb_protocol::messages::{Body, Done, GoalStatus, LinkLoss, Outcome, RobotSta
 const CRANE: [f64; 4] = [-1.0, 2.0, 1.0, 3.0];
 
 /// Opens the panel and begins.
-async fn edit(browser: &Browser) {
+pub(crate) async fn edit(browser: &Browser) {
     browser.click("[data-for=edit]").await;
     browser.click("#edit-begin").await;
     browser.until("the draft", "return editor.draft !== null").await;
 }
 
 /// Names what is selected.
-async fn name(browser: &Browser, text: &str) {
+pub(crate) async fn name(browser: &Browser, text: &str) {
     browser.fill("#edit-name", text).await;
     browser.until("the name", &format!("return editor.draft.item?.name === '{text}'")).await;
 }
 
-async fn place(browser: &Browser, text: &str, x_m: f64, y_m: f64) {
+/// Adds a place.
+pub(crate) async fn place(browser: &Browser, text: &str, x_m: f64, y_m: f64) {
     browser.click("[data-arm=place]").await;
     browser.click_at(browser.on_screen(x_m, y_m).await).await;
     browser.until("the place", "return editor.draft.selected?.kind === 'places'").await;
     name(browser, text).await;
 }
 
-async fn keep_out(browser: &Browser, [west, south, east, north]: [f64; 4]) {
+/// Draws a keep-out zone.
+pub(crate) async fn keep_out(browser: &Browser, [west, south, east, north]: [f64; 4]) {
     browser.click("[data-arm=keep_out]").await;
     let (from, to) = (browser.on_screen(west, south).await, browser.on_screen(east, north).await);
     browser.drag(from, to).await;
     browser.until("the zone", "return editor.draft.selected?.kind === 'zones'").await;
 }
 
-async fn save(browser: &Browser, why: &str) {
+/// Saves for everybody.
+pub(crate) async fn save(browser: &Browser, why: &str) {
     browser.fill("#edit-why", why).await;
     browser.click("#edit-save").await;
     browser.until("it is saved", "return !editor.dirty && editor.said !== null").await;

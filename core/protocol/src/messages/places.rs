@@ -15,6 +15,8 @@ use thiserror::Error;
 pub const MAX_PLACES: usize = 500;
 /// Most tags of a place.
 pub const MAX_PLACE_TAGS: usize = 8;
+/// With a robot's name, the tag of the place where that robot starts: `start-xtb-1`.
+const START_TAG: &str = "start-";
 
 /// Text that cannot be a place's name.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -139,6 +141,12 @@ pub(super) fn validate_places(places: &[MapPlace]) -> Result<(), CodecError> {
 }
 
 impl MapPlace {
+    /// Whether it is this robot's start pose: it has the tag `start-ROBOT`.
+    #[must_use]
+    pub fn is_start_of(&self, robot: &Name) -> bool {
+        self.tags.iter().any(|tag| tag.as_str().strip_prefix(START_TAG) == Some(robot.as_str()))
+    }
+
     fn validate(&self) -> Result<(), CodecError> {
         place_name(self.name.as_str()).map_err(|error| malformed(error.to_string()))?;
         coordinate("x_m", self.x_m)?;

@@ -240,6 +240,19 @@ fn the_reference_is_known_with_the_factsheet() {
 }
 
 #[test]
+fn a_start_pose_of_the_roster_is_sent_once_and_again_when_it_changes() {
+    let (mut known, mut scene) = (Known::default(), scene());
+    let mut sent = |x_m: f64| {
+        let start_pose = Some(MapPose { x_m, y_m: 2.0, yaw_rad: 0.5 });
+        scene.expect(RosterEntry { name: name("xtb-1"), tags: Vec::new(), start_pose });
+        row(&mut known, &scene, 0).get("start").cloned()
+    };
+    assert_eq!(sent(1.0), Some(json!({ "x_m": 1.0, "y_m": 2.0, "yaw_rad": 0.5 })));
+    assert_eq!(sent(1.0), None);
+    assert_eq!(sent(3.0).unwrap()["x_m"], 3.0);
+}
+
+#[test]
 fn a_body_is_sent_once_and_again_when_a_factsheet_says_otherwise() {
     let (mut known, mut scene) = (Known::default(), scene());
     put_state(&mut scene, 0, fake::state("xtb-1"));
