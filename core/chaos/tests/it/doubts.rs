@@ -10,8 +10,10 @@ use xtb_sim::lockstep::Traffic;
 use xtb_sim::{TruckParameters, World};
 
 const HALL: &str = "[room]\nwidth_m = 8.0\ndepth_m = 6.0";
-/// From a truck's middle to its bumper, and to its side, in m.
-const [FRONT_M, SIDE_M]: [f64; 2] = [0.25, 0.2];
+/// From a truck's middle to its bumper, in m.
+const FRONT_M: f64 = 0.25;
+/// And to its side, in m.
+const SIDE_M: f64 = 0.2;
 /// A range finder that has read less than 14 cm is not believed before it has backed off.
 const CLOSE_M: f64 = 0.12;
 /// The robot that is kept standing faces east here, and has to go 3 m further.
@@ -32,33 +34,41 @@ fn untouched(drive: &Drive) {
     }
 }
 
+/// Another one stands right before it, so far to its left, and drives away first.
+fn after_another_one(seed: u64, beside_m: f64) {
+    let x_m = STARTS.x_m + FRONT_M + CLOSE_M + SIDE_M;
+    let before = MapPose { x_m, y_m: beside_m, yaw_rad: FRAC_PI_2 };
+    let mut drive = fleet(HALL, &[STARTS, before], seed);
+    assert_eq!(goes(&mut drive, 1, [x_m, 2.2]).0, Some(GoalStatus::Reached), "seed {seed}");
+    let end = goes(&mut drive, 0, [STARTS.x_m + 3.0, 0.0]);
+    assert_eq!(end.0, Some(GoalStatus::Reached), "seed {seed}: {end:?}");
+    untouched(&drive);
+}
+
+/// A box stands so far before it.
+fn around_a_box(seed: u64, off_m: f64) {
+    let x_m = STARTS.x_m + FRONT_M + off_m + 0.15;
+    let thing = format!("{HALL}\n[[boxes]]\nx_m = {x_m}\ny_m = 0.0\nwidth_m = 0.3\ndepth_m = 0.3");
+    let world = World::from_toml(&thing).unwrap();
+    let mut drive = Drive::of(world, &[STARTS], &TruckParameters::default(), seed);
+    let map = World::from_toml(HALL).unwrap().chart(0.05).unwrap();
+    drive.lockstep.set_map(&map);
+    drive.lockstep.set_traffic(Some(Traffic::new(&map, seed)));
+    let end = goes(&mut drive, 0, [STARTS.x_m + 3.0, 0.0]);
+    assert_eq!(end.0, Some(GoalStatus::Reached), "seed {seed}, {off_m} m: {end:?}");
+    untouched(&drive);
+}
+
 #[test]
 fn a_led_robot_gets_away_from_where_another_one_has_stood_close_before_it() {
-    for seed in 1..=4 {
-        let beside_m = (seed as f64 - 2.5) * 0.06;
-        let x_m = STARTS.x_m + FRONT_M + CLOSE_M + SIDE_M;
-        let before = MapPose { x_m, y_m: beside_m, yaw_rad: FRAC_PI_2 };
-        let mut drive = fleet(HALL, &[STARTS, before], seed);
-        assert_eq!(goes(&mut drive, 1, [x_m, 2.2]).0, Some(GoalStatus::Reached), "seed {seed}");
-        let end = goes(&mut drive, 0, [STARTS.x_m + 3.0, 0.0]);
-        assert_eq!(end.0, Some(GoalStatus::Reached), "seed {seed}: {end:?}");
-        untouched(&drive);
+    for (seed, beside_m) in [(1, -0.09), (2, -0.03), (3, 0.03), (4, 0.09)] {
+        after_another_one(seed, beside_m);
     }
 }
 
 #[test]
 fn a_led_robot_goes_around_a_thing_that_stands_close_before_it_and_is_on_no_map() {
-    for seed in 1..=4 {
-        let off_m = [0.11, 0.15, 0.2, 0.24][seed as usize - 1];
-        let x_m = STARTS.x_m + FRONT_M + off_m + 0.15;
-        let thing = format!("{HALL}\n[[boxes]]\nx_m = {x_m}\ny_m = 0.0\nwidth_m = 0.3\ndepth_m = 0.3");
-        let world = World::from_toml(&thing).unwrap();
-        let mut drive = Drive::of(world, &[STARTS], &TruckParameters::default(), seed);
-        let map = World::from_toml(HALL).unwrap().chart(0.05).unwrap();
-        drive.lockstep.set_map(&map);
-        drive.lockstep.set_traffic(Some(Traffic::new(&map, seed)));
-        let end = goes(&mut drive, 0, [STARTS.x_m + 3.0, 0.0]);
-        assert_eq!(end.0, Some(GoalStatus::Reached), "seed {seed}, {off_m} m: {end:?}");
-        untouched(&drive);
+    for (seed, off_m) in [(1, 0.11), (2, 0.15), (3, 0.2), (4, 0.24)] {
+        around_a_box(seed, off_m);
     }
 }

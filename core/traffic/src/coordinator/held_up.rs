@@ -50,13 +50,8 @@ impl Truck {
             return None;
         }
         let half_m = HALF_M.min(PART * off_m);
-        let square = Car {
-            front_m: half_m,
-            rear_m: half_m,
-            half_width_m: half_m,
-            radius_m: 1.0,
-            gears: Gears::BOTH,
-        };
+        let square =
+            Car { front_m: half_m, rear_m: half_m, half_width_m: half_m, radius_m: 1.0, gears: Gears::BOTH };
         let stands = vec![Stand::still(&square, &MapPose { x_m, y_m, yaw_rad: from.yaw_rad })];
         Some(Block { id: ID, only: Some(self.id), name: NAME.to_owned(), stands })
     }
