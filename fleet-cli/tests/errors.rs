@@ -44,6 +44,7 @@ fn every_error_has_a_hint() {
         "goto xtb-1 dock-1",
         "goto xtb-1 1",
         "teleop xtb-1",
+        "home --all",
         "top",
         "reset --all",
         "watch xtb/lab/*/cmd/*",

@@ -69,6 +69,8 @@ const MATRIX: &[(&str, &[Role])] = &[
     ("retry t1", DRIVES),
     ("extend t1 3,0", DRIVES),
     ("vda5050 serve --mqtt mqtt://127.0.0.1", DRIVES),
+    ("home xtb-1", DRIVES),
+    ("home --all --parking", DRIVES),
     ("dispatch goto 1 2", DRIVES),
     ("dispatch route 1,2 3,4", DRIVES),
     ("dispatch patrol 1,2 3,4", DRIVES),

@@ -28,6 +28,7 @@ mod expected;
 mod field;
 mod group;
 mod guides;
+mod held_up;
 mod in_turn;
 mod job;
 mod joint;
@@ -310,7 +311,7 @@ impl Coordinator {
     fn blocks(&self) -> Vec<Block> {
         let block = |truck: &Truck| {
             let stands = if truck.is_live() { truck.retained.clone() } else { truck.block() };
-            Block { id: truck.id, name: truck.view.name.clone(), stands }
+            Block { id: truck.id, only: None, name: truck.view.name.clone(), stands }
         };
         let trucks = self.trucks.iter().map(block).filter(|block| !block.stands.is_empty());
         trucks.chain(self.unknown.blocks()).collect()

@@ -17,7 +17,7 @@ pub(super) const SHORT: &str = "\
 {usage-heading} fleet-cli VERB …
 
   see        list  status  why  doctor  alerts  top  watch
-  drive      goto  wander  teleop  set-pose  param
+  drive      goto  wander  home  teleop  set-pose  param
   stop       stop  estop  reset
   tasks      dispatch  tasks  task  cancel  pause  resume  retry  extend
   floor      map  place

@@ -17,7 +17,12 @@ pub struct CompletionsArgs {
 /// Robots, tasks, places, tags and fleets that there are now, beside what clap knows.
 const LIVE_BASH: &str = r#"
 _fleet-cli_live() {
-    local cur="${COMP_WORDS[COMP_CWORD]}" word kind= i
+    local cur="${COMP_WORDS[COMP_CWORD]}" word kind= i last=$COMP_CWORD
+    if [[ $2 == @* ]]; then # where bash begins a new word
+        cur="$2"
+        [[ $2 == @ ]] || ((last--))
+        [[ ${COMP_WORDS[last-1]} != *, ]] || ((last--))
+    fi
     _fleet__cli "$@"
     case "${COMP_WORDS[COMP_CWORD-1]}" in
         --robot | --expect) kind=robots ;;
@@ -25,17 +30,18 @@ _fleet-cli_live() {
         --fleet) kind=fleets ;;
     esac
     if [[ -z $kind && $cur != -* ]]; then
-        for ((i = 1; i < COMP_CWORD; i++)); do
+        for ((i = 1; i < last; i++)); do
             word="${COMP_WORDS[i]}"
             case "$word" in
                 goto | set-pose)
-                    kind=robots
-                    ((i < COMP_CWORD - 1)) || [[ ${COMP_WORDS[i-1]} == dispatch ]] && kind=places
+                    kind=whom
+                    ((i < last - 1)) || [[ ${COMP_WORDS[i-1]} == dispatch ]] && kind=places
                     break ;;
                 route | patrol | remove) kind=places && break ;;
-                here) ((i == COMP_CWORD - 2)) && kind=robots; break ;;
+                here) ((i == last - 2)) && kind=robots; break ;;
                 task | cancel | pause | resume | retry | extend) kind=tasks && break ;;
-                status | why | wander | stop | estop | reset | teleop | top | fetch-log | param) kind=robots && break ;;
+                wander | home | stop | estop | reset) kind=whom && break ;;
+                status | why | teleop | top | fetch-log | param) kind=robots && break ;;
                 dispatch) ;;
             esac
         done
@@ -47,7 +53,8 @@ complete -F _fleet-cli_live -o bashdefault -o default fleet-cli
 
 const LIVE_FISH: &str = r#"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from task cancel pause resume retry extend" -a "(fleet-cli names tasks 2>/dev/null)"
-complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why goto wander stop estop reset set-pose teleop top fetch-log param; and not __fish_seen_subcommand_from dispatch" -a "(fleet-cli names robots 2>/dev/null)"
+complete -c fleet-cli -f -n "__fish_seen_subcommand_from goto wander home stop estop reset set-pose; and not __fish_seen_subcommand_from dispatch" -a "(fleet-cli names whom 2>/dev/null)"
+complete -c fleet-cli -f -n "__fish_seen_subcommand_from status why teleop top fetch-log param" -a "(fleet-cli names robots 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from goto set-pose route patrol" -a "(fleet-cli names places 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from remove" -a "(fleet-cli names places 2>/dev/null)"
 complete -c fleet-cli -f -n "__fish_seen_subcommand_from here" -a "(fleet-cli names robots 2>/dev/null)"
@@ -62,6 +69,11 @@ const LIVE_ZSH: &str = r#"
 _fleet-cli_robots() {
     local names; names=(${(f)"$(fleet-cli names robots 2>/dev/null)"})
     _describe -t robots 'robot' names
+}
+(( $+functions[_fleet-cli_whom] )) ||
+_fleet-cli_whom() {
+    local names; names=(${(f)"$(fleet-cli names whom 2>/dev/null)"})
+    _describe -t robots 'robot or tag' names
 }
 (( $+functions[_fleet-cli_places] )) ||
 _fleet-cli_places() {
@@ -92,6 +104,7 @@ fn zsh(script: &str) -> String {
         let of = match whose.split([' ', '=']).next() {
             _ if line.contains("--tag=[") => "tags",
             _ if line.contains("--fleet=[") => "fleets",
+            Some("robot" | "robots") if line.contains("@TAG") => "whom",
             Some("robot" | "robots" | "--robot") if line.contains(" -- ") || line.contains(":ROBOT:") => {
                 "robots"
             }

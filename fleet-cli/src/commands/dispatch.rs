@@ -8,7 +8,7 @@ mod file;
 pub(super) mod points;
 mod serve;
 mod status;
-mod submit;
+pub(super) mod submit;
 mod wait;
 
 use crate::commands::dispatch::compact::DispatchCompactArgs;

@@ -4,6 +4,8 @@
 //! row, and the columns become fewer and narrower in the order of `NARROWER`. Elsewhere, as in a pipe, nothing
 //! is left out.
 
+mod docks;
+
 use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
@@ -22,7 +24,7 @@ use xtb_client::fleet_view::{FleetView, RobotView};
 use xtb_client::text::reasons;
 use xtb_client::text::robot::{self as describe, UNKNOWN};
 use xtb_protocol::Name;
-use xtb_protocol::messages::{BatteryLevel, RobotState, Suspension};
+use xtb_protocol::messages::{BatteryLevel, RobotHome, RobotState, Suspension};
 
 /// Arguments of `list`.
 #[derive(Debug, Clone, Args)]
@@ -56,6 +58,8 @@ struct Listed<'a> {
     view: &'a FleetView,
     /// Empty also if there is no dispatcher.
     suspended: Vec<Suspension>,
+    /// Robots that are at a dock or parking place, or have to go to one; empty also if no dispatcher sends them.
+    homes: Vec<RobotHome>,
 }
 
 /// What it prints with `--json`.
@@ -69,8 +73,12 @@ pub(super) const JSON: &[LineKind] = &[line_of::<Listed<'_>>];
 pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
     let client = Client::open(&ctx.settings).await?;
     let dispatching = DispatcherClient::of(&client);
-    let (roster, simulator, status) =
-        tokio::join!(client.roster_entries(&args.expect), client.sim_stats(), dispatching.status());
+    let (roster, simulator, status, homes) = tokio::join!(
+        client.roster_entries(&args.expect),
+        client.sim_stats(),
+        dispatching.status(),
+        dispatching.homes()
+    );
     let roster = roster?.unwrap_or_default();
     let expected = roster.iter().map(|entry| entry.name.clone()).collect();
     // The states last: they age while others are waited for.
@@ -86,9 +94,11 @@ pub async fn run(ctx: &Context, args: &ListArgs) -> Result<Exit> {
         return Err(client.nobody());
     }
     let suspended = status.map(|status| status.suspended).unwrap_or_default();
-    ctx.out.result(&Listed { view: &view, suspended }, |Listed { view, suspended }| {
+    let homes = homes.ok().flatten().map(|homes| homes.robots).unwrap_or_default();
+    ctx.out.result(&Listed { view: &view, suspended, homes }, |Listed { view, suspended, homes }| {
         let more = task_text::suspended(suspended, None, &ctx.out);
-        [table(view, terminal_columns(), &ctx.out)].into_iter().chain(more).collect::<Vec<_>>().join("\n")
+        let lines = [table(view, terminal_columns(), &ctx.out)].into_iter().chain(docks::line(homes));
+        lines.chain(more).collect::<Vec<_>>().join("\n")
     })?;
     if nobody && !ctx.out.json {
         ctx.out.failure(&client.nobody());

@@ -16,6 +16,7 @@ pub mod extend;
 pub mod fetch_log;
 mod goal;
 pub mod goto;
+pub mod home;
 pub mod list;
 pub mod man;
 pub mod map;
@@ -79,6 +80,8 @@ pub enum Verb {
     Goto(goto::GotoArgs),
     /// Make robots wander.
     Wander(wander::WanderArgs),
+    /// Send robots to docks or parking places now.
+    Home(home::HomeArgs),
     /// Stop robots: cancels their goals.
     Stop(stop::StopArgs),
     /// Emergency stop: robots stay stopped until they are reset (not a safety-rated stop).
@@ -214,6 +217,7 @@ async fn carry_out(
         Verb::Doctor(args) => or_interrupted(doctor::run(&ctx()?, &args)).await,
         Verb::Goto(args) => goto::run(&ctx()?, args).await,
         Verb::Wander(args) => wander::run(&ctx()?, args).await,
+        Verb::Home(args) => home::run(&ctx()?, &args).await,
         Verb::Stop(args) => {
             let ctx = ctx()?;
             let stop = stop::run(&ctx, &args);

@@ -25,6 +25,8 @@ pub struct NamesArgs {
 pub enum NamesOf {
     /// Robots present.
     Robots,
+    /// The same, and tags of the roster as they stand for robots: @red.
+    Whom,
     /// Tasks of the dispatcher, newest first.
     Tasks,
     /// Places of the fleet's map.
@@ -53,13 +55,22 @@ pub async fn run(ctx: &Context, args: &NamesArgs) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
+async fn robots(client: &Client) -> Result<Vec<String>> {
+    let mut robots: Vec<Name> = client.alive().await?.into_iter().collect();
+    robots.sort_by_cached_key(by_number);
+    Ok(robots.iter().map(ToString::to_string).collect())
+}
+
 async fn names(ctx: &Context, of: NamesOf) -> Result<Vec<String>> {
     let client = Client::open(&ctx.settings).await?;
     match of {
-        NamesOf::Robots => {
-            let mut robots: Vec<Name> = client.alive().await?.into_iter().collect();
-            robots.sort_by_cached_key(by_number);
-            Ok(robots.iter().map(ToString::to_string).collect())
+        NamesOf::Robots => robots(&client).await,
+        NamesOf::Whom => {
+            let (robots, roster) = tokio::join!(robots(&client), client.roster_entries(&[]));
+            let tags = roster?.into_iter().flatten().flat_map(|entry| entry.tags);
+            let tags: BTreeSet<String> =
+                tags.map(|tag| format!("@{}", tag.trim_start_matches('@'))).collect();
+            Ok(robots?.into_iter().chain(tags).collect())
         }
         NamesOf::Places => {
             let places = map_source::places(client.bus(), client.keys(), WITHIN).await?;

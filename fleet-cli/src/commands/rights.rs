@@ -56,7 +56,8 @@ pub fn needed(verb: &Verb) -> Option<Action> {
             | DispatchVerb::Status => Some(Action::ChangeTasks),
             DispatchVerb::Compact(_) | DispatchVerb::Export(_) => None,
         },
-        Verb::Task(_)
+        Verb::Home(_)
+        | Verb::Task(_)
         | Verb::Cancel(_)
         | Verb::Pause(_)
         | Verb::Resume(_)

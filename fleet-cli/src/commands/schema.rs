@@ -4,9 +4,9 @@
 //! `JSON`; a test holds what is printed against them.
 
 use super::{
-    alerts, audit, change, dashboard, demo, dispatch, doctor, enrol, events, export, fetch_log, goal, list,
-    man, map, param, pki, place, plan, play, record, report, reset, router, set_pose, sim, status, stopped,
-    task, tasks, teleop, traffic, vda5050, watch, why,
+    alerts, audit, change, dashboard, demo, dispatch, doctor, enrol, events, export, fetch_log, goal, home,
+    list, man, map, param, pki, place, plan, play, record, report, reset, router, set_pose, sim, status,
+    stopped, task, tasks, teleop, traffic, vda5050, watch, why,
 };
 use crate::exit::Exit;
 use crate::json::{LineKind, Verbs, line_of};
@@ -45,6 +45,7 @@ const SINGLE: Verbs = &[
     ("doctor", doctor::JSON),
     ("goto", goal::JSON),
     ("wander", goal::JSON),
+    ("home", home::JSON),
     ("stop", stopped::JSON),
     ("estop", stopped::JSON),
     ("reset", reset::JSON),

@@ -64,3 +64,56 @@ fn a_simulated_robot_goes_to_a_dock_by_itself_and_the_dispatcher_says_so() {
         assert!(Instant::now() < give_up, "its voltage does not rise: {charging} {home}");
     }
 }
+
+/// A dock for two robots, and a parking place.
+const YARD: &str = r#"
+name = "yard"
+[room]
+width_m = 8.0
+depth_m = 8.0
+[[places]]
+name = "dock-1"
+kind = "dock"
+x_m = 0.0
+y_m = 2.4
+[[places]]
+name = "parking-1"
+kind = "parking"
+x_m = 2.0
+y_m = 2.4
+"#;
+
+#[test]
+fn robots_are_sent_home_by_hand_as_long_as_there_is_a_place_for_each() {
+    let folder = tempfile::tempdir().unwrap();
+    let (world, ledger) = (folder.path().join("yard.toml"), folder.path().join("a.ledger"));
+    std::fs::write(&world, YARD).unwrap();
+    let (world, ledger) = (world.to_str().unwrap(), ledger.to_str().unwrap());
+    let arguments = ["--robots", "2", "--speed", "8", "--world", world, "--dispatch", "--home"];
+    let sim = sim(&[&arguments[..], &["--ledger", ledger]].concat());
+    let (code, refused, output) = sim.run(&["home", "--all"]);
+    let message = refused["error"]["message"].as_str().unwrap();
+    assert!(code == 1 && message.contains("no dock is free for"), "{output:?}");
+    let (code, home, output) = sim.run(&["home", "xtb-1", "--wait"]);
+    assert_eq!((code, &home["state"], &home["robot"]), (0, &json!("done"), &json!("xtb-1")), "{output:?}");
+    let (code, refused, output) = sim.run(&["home", "xtb-2"]);
+    let message = "no dock is free for xtb-2: dock-1 is taken by xtb-1; no robot was sent";
+    assert_eq!((code, &refused["error"]["message"]), (1, &json!(message)), "{output:?}");
+    let (code, parked, output) = sim.run(&["home", "xtb-2", "--parking", "--wait"]);
+    assert_eq!((code, &parked["state"]), (0, &json!("done")), "{output:?}");
+    let (code, refused, output) = sim.run(&["home", "xtb-9"]);
+    assert_eq!((code, &refused["error"]["code"]), (3, &json!("no_robot")), "{output:?}");
+}
+
+#[test]
+fn a_fleet_without_docks_sends_nobody_home_and_says_why() {
+    let sim = sim(&["--robots", "1", "--speed", "8"]);
+    let (code, refused, output) = sim.run(&["home", "xtb-1"]);
+    assert_eq!((code, &refused["error"]["code"]), (3, &json!("no_dispatcher")), "{output:?}");
+    let folder = tempfile::tempdir().unwrap();
+    let ledger = folder.path().join("a.ledger");
+    let sim = crate::commands::sim(&["--robots", "1", "--dispatch", "--ledger", ledger.to_str().unwrap()]);
+    let (code, refused, output) = sim.run(&["home", "xtb-1"]);
+    let hint = refused["error"]["hint"].as_str().unwrap();
+    assert!(code == 1 && hint.contains("[home]"), "{output:?}");
+}

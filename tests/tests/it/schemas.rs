@@ -12,7 +12,8 @@ use tempfile::TempDir;
 /// They print none, or need what is not here: a terminal, a broker.
 const NOT_RUN: [&str; 4] = ["top", "completions", "teleop", "vda5050 serve"];
 
-const ROOM: &str = "name = 'hall'\n[room]\nwidth_m = 8.0\ndepth_m = 8.0\n[[zones]]\nname = 'east'\nkind = 'one_way'\n\
+const ROOM: &str = "name = 'hall'\n[room]\nwidth_m = 8.0\ndepth_m = 8.0\n\
+                    [[places]]\nname = 'dock-7'\nkind = 'dock'\nx_m = -3.0\ny_m = 3.0\n[[zones]]\nname = 'east'\nkind = 'one_way'\n\
                     heading_rad = 0.0\npoints = [[2.0, 2.0], [3.0, 2.0], [3.0, 3.0]]\n";
 const INSTANCE: &str =
     "world: hall.toml\nagents:\n  - {name: xtb-1, start: [0, -2, 1.57], goal: [0, 1, 1.57]}\n";
@@ -48,6 +49,7 @@ impl Bench {
             "--world",
             &world,
             "--dispatch",
+            "--home",
             "--ledger",
             &ledger,
             "--record",
@@ -156,6 +158,9 @@ fn tasks(bench: &mut Bench) {
         bench.run(verb, &route);
     }
     bench.run("cancel", &format!("{patrol} t9999"));
+    let home = bench.run("home", "xtb-1");
+    assert_eq!((home["robot"].as_str(), home["place"].as_str()), (Some("xtb-1"), Some("dock-7")), "{home}");
+    bench.run("list", "");
     bench.run("tasks", "");
     bench.run("dispatch adopt", "");
     bench.run("traffic status", "");

@@ -14,6 +14,7 @@ mod drive;
 mod corridors;
 mod days;
 mod dispatched;
+mod doubts;
 mod giveway;
 mod lifelong;
 mod meetings;

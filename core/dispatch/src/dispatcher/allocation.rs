@@ -55,7 +55,7 @@ impl Dispatcher {
                 let (task, robot) = (waiting[tasks[task]], robots[who[robot]]);
                 let car = robot.car.unwrap_or(widest);
                 let fits = car.core_m() <= least_m || fits(travel_cost, task, &car);
-                let may = robot.stays_for.is_none() || self.is_own(task);
+                let may = robot.stays_for.is_none() || self.leads_home(task);
                 (fits && may).then(|| penalty_m(task, robot)).flatten()
             };
             let pairs = assign::assign(&some_demands, &some_candidates, travel_cost, &penalty_m);
@@ -173,7 +173,7 @@ impl Dispatcher {
             let no_member = || self.membership(robot).err();
             let incapable = robot.incapable.get(&id).cloned();
             let unmeasured = || unmeasured(robot).filter(|_| measured).map(str::to_owned);
-            let at_home = || robot.stays_for.clone().filter(|_| !self.is_own(task));
+            let at_home = || robot.stays_for.clone().filter(|_| !self.leads_home(task));
             let reason = busy
                 .or(incapable)
                 .or_else(unavailable)

@@ -48,6 +48,11 @@ impl Dispatcher {
         task.by == self.identity.me
     }
 
+    /// Whether a robot that is to stay where it is, or to go home, goes all the same for this task.
+    pub(super) fn leads_home(&self, task: &Task) -> bool {
+        self.is_own(task) || self.home_order(task).is_some()
+    }
+
     /// Whether the places are not known yet: after a start, whoever looks for them has a while. Until then a robot
     /// that is being charged could be taken for a free one.
     pub(super) fn are_places_due(&self, now_ms: u64) -> bool {

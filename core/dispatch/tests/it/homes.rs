@@ -4,8 +4,8 @@ use crate::bench::{Bench, goto, name, point};
 use xtb_dispatch::{HomeRules, HomeSettings, Record};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
-    BatteryLevel, Body, DispatchBody, HomeStatus, MapPlace, PlaceKind, RobotHome, TaskId, TaskKind, TaskSpec,
-    TaskState,
+    BatteryLevel, Body, DispatchBody, HomeStatus, MAX_PRIORITY, MapPlace, PlaceKind, RobotHome, TaskId,
+    TaskKind, TaskSpec, TaskState, Who,
 };
 
 const DISPATCH: &str = "dispatch";
@@ -366,6 +366,32 @@ fn nobody_is_sent_while_the_fleet_is_stopped_or_somebody_else_drives() {
     assert_eq!(own(&bench).len(), 0);
     bench.run_ms(10_000);
     assert_eq!(own(&bench).len(), 1);
+}
+
+/// An order to go there for one robot.
+fn order(robot: &str, x_m: f64, y_m: f64) -> TaskSpec {
+    TaskSpec { priority: MAX_PRIORITY, who: Who::Robot(name(robot)), ..goto(x_m, y_m) }
+}
+
+#[test]
+fn who_is_ordered_to_a_dock_goes_at_once_and_another_one_does_its_task() {
+    let mut bench = bench(2, &docks());
+    let task = bench.submit(goto(9.0, 0.0));
+    bench.run_ms(2_000);
+    let (first, named) = (bench.robot_of(task).unwrap(), ["xtb-1", "xtb-2"]);
+    // Somewhere else it is a task like any other.
+    let elsewhere = bench.submit(order(named[first], 5.0, 5.0));
+    bench.run_ms(1_000);
+    assert_eq!((bench.robot_of(task), bench.state(elsewhere)), (Some(first), TaskState::Queued));
+    bench.ask(DispatchBody::Cancel { tasks: vec![elsewhere] });
+    let ordered = bench.submit(order(named[first], 8.0, 5.0));
+    bench.run_ms(3_000);
+    assert_eq!(bench.robot_of(ordered), Some(first), "{:?}", bench.reason(ordered));
+    assert_eq!(bench.robot_of(task), Some(1 - first), "{:?}", bench.reason(task));
+    assert_eq!(bench.dispatcher.store().task(task).unwrap().failures, 0);
+    bench.run_ms(25_000);
+    assert_eq!((bench.state(ordered), bench.state(task)), (TaskState::Done, TaskState::Done));
+    assert_eq!(bench.robots[first].at, (8.0, 5.0));
 }
 
 #[test]

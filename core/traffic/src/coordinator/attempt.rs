@@ -129,7 +129,7 @@ impl Solver<'_> {
                 self.blocks
                     .iter()
                     .zip(&job.blocks)
-                    .filter(|(_, block)| block.id != member.id)
+                    .filter(|(_, block)| block.concerns(member.id))
                     .map(|(line, block)| Other { line, separation_m: separation_m(mine, &block.stands) }),
             )
             .collect();

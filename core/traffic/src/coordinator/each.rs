@@ -104,7 +104,7 @@ impl Solver<'_> {
             let stand = Stand::still(&member.car, &MapPose { x_m: target.x_m, y_m: target.y_m, yaw_rad });
             let mut blocks = self.blocks.iter().zip(&job.blocks);
             let block = blocks
-                .find(|(line, block)| block.id != member.id && stays(&stand, line, &block.stands))
+                .find(|(line, block)| block.concerns(member.id) && stays(&stand, line, &block.stands))
                 .map(|(_, block)| &block.name);
             let mut lines = expected.lines.iter().filter(|(other, _)| **other != index);
             let other = || {

@@ -52,8 +52,17 @@ impl Member {
 pub(super) struct Block {
     /// The truck that it is; it does not block itself.
     pub(super) id: u32,
+    /// The only truck that drives around it; `None` = all do.
+    pub(super) only: Option<u32>,
     pub(super) name: String,
     pub(super) stands: Vec<Stand>,
+}
+
+impl Block {
+    /// Whether this truck drives around it.
+    pub(super) fn concerns(&self, truck: u32) -> bool {
+        self.id != truck && self.only.is_none_or(|only| only == truck)
+    }
 }
 
 /// Work for another thread: everything that a joint plan needs.
@@ -78,7 +87,7 @@ pub struct JointJob {
 impl JointJob {
     /// What is driven around by this one.
     pub(super) fn others<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = &'a Block> {
-        self.blocks.iter().filter(|block| block.id != member.id)
+        self.blocks.iter().filter(|block| block.concerns(member.id))
     }
 
     /// Bodies of all that is driven around by this one.

@@ -211,6 +211,8 @@ impl Coordinator {
         let goes_on = |truck: &&Truck| ids.contains(&truck.id) && truck.retained.is_empty() && !truck.stalled;
         let on: BTreeSet<u32> = self.trucks.iter().filter(goes_on).map(|truck| truck.id).collect();
         blocks.retain(|block| !on.contains(&block.id));
+        let planned = self.trucks.iter().filter(|truck| ids.contains(&truck.id));
+        blocks.extend(planned.filter_map(|truck| truck.own_block(now)));
         self.jobs += 1;
         self.out.push(Outstanding::new(self.jobs, now, look != Look::Together, &members));
         let is_member = |id: &u32| ids.contains(id);

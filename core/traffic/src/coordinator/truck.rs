@@ -1,6 +1,7 @@
 //! What traffic control knows of one truck.
 
 use super::discretized_path::DiscretizedPath;
+use super::held_up::HeldUp;
 use super::job::NoWay;
 use super::{PlannedGoal, RobotView};
 use std::sync::Arc;
@@ -75,6 +76,8 @@ pub(super) struct Truck {
     /// Places of an earlier way that it may still use.
     pub(super) retained: Vec<Stand>,
     pub(super) stalled: bool,
+    /// What held it up when it last was stalled.
+    pub(super) held_up: Option<HeldUp>,
     /// The last plan that it has reported.
     taken: u64,
     /// Since when no released way is left or progress is made.
@@ -113,6 +116,7 @@ impl Truck {
             route: None,
             retained: Vec::new(),
             stalled: false,
+            held_up: None,
             taken: 0,
             busy: now,
             fixed_since: now,
@@ -338,6 +342,9 @@ impl Truck {
             self.halt(now);
             self.retry_at = now;
             changed = true;
+        }
+        if self.stalled {
+            self.held_up = HeldUp::reported(now, &self.view).or(self.held_up);
         }
         changed
     }

@@ -7,7 +7,7 @@ use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::{Car, MapPose};
 
 /// A thing is believed in for so long after it was reported last, in ms; chosen, not measured.
-const BELIEVED_MS: u64 = 20_000;
+pub(super) const BELIEVED_MS: u64 = 20_000;
 /// Two reports nearer than this mean the same thing, in m: two cells of the obstacle layer.
 const SAME_M: f64 = 0.1;
 /// A thing so near to a truck's body is that truck, in m: more than the 20 cm ahead of its bumper at which a
@@ -18,7 +18,9 @@ const TRUCK_M: f64 = 0.25;
 const MOST: usize = 32;
 /// Half its side, in m: a range finder sees the middle of its front. How large it is nobody knows; chosen,
 /// not measured.
-const HALF_M: f64 = 0.1;
+pub(super) const HALF_M: f64 = 0.1;
+/// What it is called.
+pub(super) const NAME: &str = "an unmapped obstacle";
 /// Their blocks are numbered downwards from here: trucks are numbered upwards from 1.
 const FIRST_ID: u32 = u32::MAX;
 
@@ -82,7 +84,7 @@ impl Unknown {
                 gears: xtb_nav::Gears::BOTH,
             };
             let stands = vec![Stand::still(&square, &pose)];
-            Block { id: thing.id, name: "an unmapped obstacle".to_owned(), stands }
+            Block { id: thing.id, only: None, name: NAME.to_owned(), stands }
         })
     }
 }

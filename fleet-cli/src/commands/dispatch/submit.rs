@@ -295,10 +295,23 @@ fn spec(kind: TaskKind, terms: &TermArgs, now_ms: u64) -> TaskSpec {
 }
 
 async fn submit(ctx: &Context, specs: Vec<TaskSpec>, stay: StayArgs) -> Result<Exit> {
+    submit_saying(ctx, specs.clone(), stay, |ids| say(ctx, ids, &specs)).await
+}
+
+/// The same, and says by itself which tasks they have become.
+///
+/// # Errors
+/// No dispatcher, or its refusal.
+pub(in crate::commands) async fn submit_saying(
+    ctx: &Context,
+    specs: Vec<TaskSpec>,
+    stay: StayArgs,
+    say: impl FnOnce(&[TaskId]) -> Result<Exit>,
+) -> Result<Exit> {
     let mut stop = pin!(interrupted());
     let submitted = async {
         let client = Client::open(&ctx.settings).await?;
-        let taken = dispatcher(&client).submit(specs.clone()).await?;
+        let taken = dispatcher(&client).submit(specs).await?;
         Ok::<_, Error>((client, taken))
     };
     let (client, Taken { tasks: ids, suspended }) = tokio::select! {
@@ -319,7 +332,7 @@ async fn submit(ctx: &Context, specs: Vec<TaskSpec>, stay: StayArgs) -> Result<E
     let exit = if stay.wait {
         wait::run(ctx, &client, &ids, stay.cancel_on_interrupt, stop).await
     } else {
-        say(ctx, &ids, &specs)
+        say(&ids)
     };
     client.close().await;
     exit

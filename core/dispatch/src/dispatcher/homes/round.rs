@@ -1,5 +1,7 @@
 //! One round of decisions about docks and parking places.
 
+mod orders;
+
 use crate::dispatcher::Dispatcher;
 use crate::dispatcher::client_requests::CANCELLED_BY;
 use crate::home::{AT_M, HomeRules, Need, OCCUPIED_M, distance_m, is_dock_of, is_same, waypoint};
@@ -100,7 +102,9 @@ impl<'a> Round<'a> {
         for robot in robots.clone().filter(|robot| robot.charge.is_charging(self.rules)) {
             self.stay(robot, charging_words(robot, self.rules));
         }
+        let ordered = self.obey();
         let due = robots.clone().filter(|robot| !robot.charge.is_charging(self.rules));
+        let due = due.filter(|robot| !ordered.contains(&robot.name));
         let mut due: Vec<(Need, &TrackedRobot)> =
             due.filter_map(|robot| Some((robot.charge.need?, robot))).collect();
         let volts = |robot: &TrackedRobot| robot.charge.volts.unwrap_or(0.0);

@@ -16,7 +16,7 @@ impl Dispatcher {
         let Some(rules) = self.home_rules.as_deref() else {
             return FleetHomes { active: false, robots: Vec::new() };
         };
-        let own = self.store.open().filter(|task| self.is_own(task));
+        let own = self.store.open().filter(|task| self.leads_home(task));
         let own: BTreeMap<_, _> = own.filter_map(|task| Some((robot_of(task)?, task))).collect();
         let resting = resting(self, now_ms);
         let there = self.robots.values().filter(|robot| robot.is_online(now_ms, &self.settings));
