@@ -128,7 +128,7 @@ async fn choose(ctx: &Context, client: &Client, args: &HomeArgs) -> Result<Vec<(
         here.filter_map(|robot| Some((&robot.name, robot.state.as_ref()?))).collect();
     let names = match args.all {
         true => states.keys().map(|name| (*name).clone()).collect(),
-        false => robots::meant(client, &args.robots).await?.all()?,
+        false => robots::meant(client, &args.robots).await.all()?,
     };
     if names.is_empty() {
         return Err(client.nobody());
