@@ -36,8 +36,9 @@ const SHOWS_WHO: &str = "`fleet-cli dispatch status` shows who is at which place
 const OCCUPIED_M: f64 = 0.7;
 /// A task's point that is so near to a place's is that place, in m.
 const SAME_M: f64 = 0.05;
-/// A robot that gets home without the dispatcher is better off than one that stands somewhere, in s for one drive.
-const FINISH_S: f64 = 3600.0;
+/// A robot that gets home without the dispatcher is better off than one that stands somewhere, in s for one drive; and
+/// one that is not heard keeps its dock from others for so long.
+const FINISH_S: f64 = 600.0;
 
 /// Arguments of `home`.
 #[derive(Debug, Clone, Args)]
@@ -121,7 +122,9 @@ async fn choose(ctx: &Context, client: &Client, args: &HomeArgs) -> Result<Vec<(
              `fleet-cli dispatch goto PLACE --robot ROBOT` sends one anyway",
         ));
     }
-    let places = map_source::places(client.bus(), client.keys(), client.settings().timeout).await?;
+    let places = map_source::places(client.bus(), client.keys(), client.settings().timeout)
+        .await?
+        .ok_or_else(map_source::no_map)?;
     let view = FleetView::ask(client, client.fleet(), &BTreeSet::new()).await?;
     let here = view.robots.iter().filter(|robot| robot.alive);
     let states: BTreeMap<&Name, &RobotState> =

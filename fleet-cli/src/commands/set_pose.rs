@@ -106,6 +106,7 @@ async fn one(ctx: &Context, client: &Client, robot: &Name, at: Waypoint, take: b
 async fn at_start(ctx: &Context, client: &Client, robots: &[Name], take: bool) -> Result<Exit> {
     let roster = client.roster_entries(&[]).await?.unwrap_or_default();
     let places = map_source::places(client.bus(), client.keys(), ctx.settings.timeout).await?;
+    let places = places.unwrap_or_default(); // without a map the roster may say it
     let each = robots.iter().map(|robot| {
         let start = start_pose(&places, &roster, robot);
         async move {
