@@ -4,8 +4,7 @@
 mod questions;
 
 use super::{CLIENT, Clock};
-use crate::ledger::Reader;
-use questions::{Parked, ReadFor};
+use crate::ledger::{History, Reader};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,9 +15,12 @@ use xtb_bus::{Bus, Question, Service};
 use xtb_client::client::Client;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::Dispatcher;
-use xtb_dispatch::replication::{Active, Times, term_of};
+use xtb_dispatch::replication::{Active, Follow, Times, term_of};
+use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
-use xtb_protocol::messages::{Assignment, RobotState, StandbyReply, StandbyRequest, StandbyView};
+use xtb_protocol::messages::{
+    Assignment, CopiedRecord, RobotState, StandbyReply, StandbyRequest, StandbyView,
+};
 use xtb_protocol::{Name, Uuid};
 
 /// Questions, and what was read for them, that wait at most: a stand-by asks one at a time.
@@ -39,6 +41,37 @@ pub(super) enum Input {
     Read(Box<ReadFor>),
     /// How another dispatcher stands.
     Other(Box<StandbyReply>),
+}
+
+/// Which records a stand-by has.
+#[derive(Debug, Clone, Copy)]
+struct Holds {
+    /// Which question says so, counted.
+    number: u64,
+    copied: bool,
+    ledger: u64,
+    term: u32,
+    sum: u32,
+    offset: u64,
+    follow: Follow,
+}
+
+/// A stand-by's question, and what follows its records.
+pub(super) struct ReadFor {
+    question: Question,
+    format: Format,
+    holds: Holds,
+    /// It was answered with nothing new yet: it is not heard again by that.
+    parked: bool,
+    found: std::result::Result<(History, Vec<CopiedRecord>), String>,
+}
+
+/// A question that waits for news.
+struct Parked {
+    question: Question,
+    format: Format,
+    holds: Holds,
+    until_ms: u64,
 }
 
 /// This end, until it is dropped.

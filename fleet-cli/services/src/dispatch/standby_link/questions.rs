@@ -1,7 +1,7 @@
 //! The questions of stand-bys: which records each has, what the ledger has more, and those that wait for news.
 
 use super::super::CLIENT;
-use super::{Input, StandbyLink};
+use super::{Holds, Input, Parked, ReadFor, StandbyLink};
 use crate::ledger::History;
 use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
@@ -9,41 +9,10 @@ use xtb_bus::Question;
 use xtb_dispatch::Dispatcher;
 use xtb_dispatch::replication::Follow;
 use xtb_protocol::codec::Format;
-use xtb_protocol::messages::{Copied, CopiedRecord, STANDBY_PAGE_BYTES, StandbyReply, StandbyRequest};
+use xtb_protocol::messages::{Copied, STANDBY_PAGE_BYTES, StandbyReply, StandbyRequest};
 
 /// Questions of several stand-bys that wait for news at most; then the first one is answered.
 const PARKED: usize = 8;
-
-/// Which records a stand-by has.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Holds {
-    /// Which question says so, counted.
-    number: u64,
-    copied: bool,
-    ledger: u64,
-    term: u32,
-    sum: u32,
-    offset: u64,
-    follow: Follow,
-}
-
-/// A stand-by's question, and what follows its records.
-pub(in super::super) struct ReadFor {
-    question: Question,
-    format: Format,
-    holds: Holds,
-    /// It was answered with nothing new yet: it is not heard again by that.
-    parked: bool,
-    found: std::result::Result<(History, Vec<CopiedRecord>), String>,
-}
-
-/// A question that waits for news.
-pub(super) struct Parked {
-    pub(super) question: Question,
-    pub(super) format: Format,
-    pub(super) holds: Holds,
-    until_ms: u64,
-}
 
 impl StandbyLink {
     pub(super) fn asked(&mut self, now_ms: u64, question: Question, dispatcher: &Dispatcher) {
