@@ -94,6 +94,12 @@ impl Lab {
 fn an_operator_is_called_acknowledges_by_name_and_a_kill_forgets_nothing() {
     let mut lab = Lab::new();
     assert_eq!(lab.ok("alerts")[0]["alerts"], json!([]));
+    // It counts how often a robot stops from when it has heard it before that.
+    let heard = |lines: &[Value]| {
+        let mut robots = lines[0]["robots"].as_array()?.iter();
+        robots.find(|robot| robot["robot"] == "xtb-1" && robot["heard_s"].as_f64() > Some(0.0)).map(drop)
+    };
+    lab.until("report", heard);
     assert_eq!(lab.run("--client bob estop xtb-1").0, 0);
     let alert = lab.alert("latched", "open");
     assert_eq!((&alert["robot"], &alert["subject"]), (&json!("xtb-1"), &json!("estop")));

@@ -6,12 +6,17 @@
 
 use super::RobotView;
 use super::job::Block;
-use super::truck::Truck;
-use super::unknown::{BELIEVED_MS, HALF_M, NAME};
 use xtb_control::Stamp;
 use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::{Car, Gears, MapPose};
 
+/// A thing is believed in for so long after it was reported last, in ms; chosen, not measured.
+pub(super) const BELIEVED_MS: u64 = 20_000;
+/// Half its side, in m: a range finder sees the middle of its front. How large it is nobody knows; chosen,
+/// not measured.
+pub(super) const HALF_M: f64 = 0.1;
+/// What it is called.
+pub(super) const NAME: &str = "an unmapped obstacle";
 /// A truck that has gone so far since has looked again, in m: twice what its range finders have to back off
 /// (`obstacle.foldback_retreat_m`).
 const GONE_M: f64 = 0.1;
@@ -38,14 +43,12 @@ impl HeldUp {
         let at_m = view.blocked_at_m.filter(|at_m| at_m.iter().all(|m| m.is_finite()))?;
         Some(Self { at_m, from: view.pose, seen: now })
     }
-}
 
-impl Truck {
-    /// What it is led around and nobody else is, if there is something.
-    pub(super) fn own_block(&self, now: Stamp) -> Option<Block> {
-        let HeldUp { at_m: [x_m, y_m], from, seen } = self.held_up?;
-        let gone_m = libm::hypot(self.view.pose.x_m - from.x_m, self.view.pose.y_m - from.y_m);
-        let off_m = Rect::body(&self.car(), &self.view.pose).distance_m(x_m, y_m);
+    /// What the truck of this number, which is here now, is led around and nobody else is, if there is something.
+    pub(super) fn block(self, now: Stamp, (id, car, pose): (u32, &Car, &MapPose)) -> Option<Block> {
+        let Self { at_m: [x_m, y_m], from, seen } = self;
+        let gone_m = libm::hypot(pose.x_m - from.x_m, pose.y_m - from.y_m);
+        let off_m = Rect::body(car, pose).distance_m(x_m, y_m);
         if now.since_ms(seen) >= BELIEVED_MS || gone_m > GONE_M || off_m < TOUCHES_M {
             return None;
         }
@@ -53,6 +56,6 @@ impl Truck {
         let square =
             Car { front_m: half_m, rear_m: half_m, half_width_m: half_m, radius_m: 1.0, gears: Gears::BOTH };
         let stands = vec![Stand::still(&square, &MapPose { x_m, y_m, yaw_rad: from.yaw_rad })];
-        Some(Block { id: ID, only: Some(self.id), name: NAME.to_owned(), stands })
+        Some(Block { id: ID, only: Some(id), name: NAME.to_owned(), stands })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::discretized_path::DiscretizedPath;
 use super::held_up::HeldUp;
-use super::job::NoWay;
+use super::job::{Block, NoWay};
 use super::{PlannedGoal, RobotView};
 use std::sync::Arc;
 use xtb_control::Stamp;
@@ -347,6 +347,11 @@ impl Truck {
             self.held_up = HeldUp::reported(now, &self.view).or(self.held_up);
         }
         changed
+    }
+
+    /// What it is led around and nobody else is, if there is something.
+    pub(super) fn own_block(&self, now: Stamp) -> Option<Block> {
+        self.held_up?.block(now, (self.id, &self.car(), &self.view.pose))
     }
 
     /// Where it has to be driven around, as one that is not led.

@@ -1,13 +1,12 @@
 //! Things that stand in a truck's way and are on no map: they are driven around for a while.
 
+use super::held_up::{BELIEVED_MS, HALF_M, NAME};
 use super::job::Block;
 use super::truck::Truck;
 use xtb_control::Stamp;
 use xtb_nav::geometry::rect::{Rect, Stand};
 use xtb_nav::{Car, MapPose};
 
-/// A thing is believed in for so long after it was reported last, in ms; chosen, not measured.
-pub(super) const BELIEVED_MS: u64 = 20_000;
 /// Two reports nearer than this mean the same thing, in m: two cells of the obstacle layer.
 const SAME_M: f64 = 0.1;
 /// A thing so near to a truck's body is that truck, in m: more than the 20 cm ahead of its bumper at which a
@@ -16,11 +15,6 @@ const TRUCK_M: f64 = 0.25;
 /// Most things; beyond, the one that was not reported for longest goes. A bound for the time of plans;
 /// chosen, not measured.
 const MOST: usize = 32;
-/// Half its side, in m: a range finder sees the middle of its front. How large it is nobody knows; chosen,
-/// not measured.
-pub(super) const HALF_M: f64 = 0.1;
-/// What it is called.
-pub(super) const NAME: &str = "an unmapped obstacle";
 /// Their blocks are numbered downwards from here: trucks are numbered upwards from 1.
 const FIRST_ID: u32 = u32::MAX;
 
