@@ -239,10 +239,12 @@ impl<'a> Round<'a> {
         let name = &robot.name;
         let own = self.own.get(name).copied();
         let busy = self.of.store.on(name).filter(|task| !self.of.is_own(task));
+        let waits = busy.filter(|_| need == Need::Now);
+        let low = format!("{name}: {}", low_words(robot));
         let target = own.and_then(|task| self.place_of(task)).filter(|place| self.is_dock_of(*place, name));
         if let Some(place) = target {
             self.stay(robot, format!("goes to {} to charge", self.places[place].name));
-            return self.release(need, robot, busy);
+            return self.release(robot, waits, low);
         }
         if !self.can_drive(robot) || (need == Need::AfterTask && busy.is_some()) {
             return;
@@ -261,12 +263,12 @@ impl<'a> Round<'a> {
                     None => self.send(robot, place, format!("{why}: to {to}")),
                 }
                 self.takers[place].insert(name.clone());
-                self.release(need, robot, busy);
+                self.release(robot, waits, low);
             }
             None => {
                 if need == Need::Now {
                     self.stay(robot, format!("{why}: waits for a dock"));
-                    self.release(need, robot, busy);
+                    self.release(robot, waits, low);
                     if own.is_none() && !self.is_parked(robot) {
                         self.park(robot, format!("{why}: waits for a dock"));
                     }
@@ -277,12 +279,11 @@ impl<'a> Round<'a> {
     }
 
     /// Its present task has to wait, if it may.
-    fn release(&mut self, need: Need, robot: &TrackedRobot, busy: Option<&Task>) {
-        let Some(task) = busy.filter(|task| need == Need::Now && task.wants_to_drive()) else { return };
+    fn release(&mut self, robot: &TrackedRobot, busy: Option<&Task>, why: String) {
+        let Some(task) = busy.filter(|task| task.wants_to_drive()) else { return };
         let seq = task.assigned.as_ref().map(|assigned| assigned.seq);
         let leaves = robot.pending_outcome.as_ref().is_some_and(|(pending, _)| Some(*pending) == seq);
         if !leaves && !self.of.writes.has_task(task.id) {
-            let why = format!("{}: {}", robot.name, low_words(robot));
             self.decisions.push(Decision::Release { task: task.id, why });
         }
     }

@@ -1,7 +1,7 @@
 //! Orders to go home: a task that a person has submitted for one robot, with the highest priority, to one of its docks
 //! or to a parking place. The robot goes there next: what it does at present waits, and it gets nothing else.
 
-use super::{Decision, Round, robot_of};
+use super::{Round, robot_of};
 use crate::dispatcher::Dispatcher;
 use crate::home::{is_dock_of, is_same};
 use crate::task::Task;
@@ -46,16 +46,8 @@ impl<'a> Round<'a> {
                 self.cancel(own, format!("{} sends {name} to {} instead", task.by, place.name));
             }
             let busy = of.store.on(name).filter(|busy| busy.id != task.id && !of.is_own(busy));
-            let leaves = |busy: &Task| {
-                let seq = busy.assigned.as_ref().map(|assigned| assigned.seq);
-                robot.pending_outcome.as_ref().is_some_and(|(pending, _)| Some(*pending) == seq)
-            };
-            if let Some(busy) = busy.filter(|busy| busy.wants_to_drive() && !leaves(busy))
-                && self.can_drive(robot)
-                && !of.writes.has_task(busy.id)
-            {
-                let why = format!("{} sends {name} to {}", task.by, place.name);
-                self.decisions.push(Decision::Release { task: busy.id, why });
+            if self.can_drive(robot) {
+                self.release(robot, busy, format!("{} sends {name} to {}", task.by, place.name));
             }
         }
         ordered
