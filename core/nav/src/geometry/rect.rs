@@ -55,10 +55,16 @@ impl Rect {
     /// The body and what must be clear beyond its bumper when it drives in this gear.
     #[must_use]
     pub fn looking(car: &Car, pose: &MapPose, gear: f64) -> Self {
+        Self::looking_to(car, pose, gear, LOOK_OUT_M)
+    }
+
+    /// The body and so many m beyond its bumper in this gear.
+    #[must_use]
+    pub fn looking_to(car: &Car, pose: &MapPose, gear: f64, beyond_m: f64) -> Self {
         let longer = if gear < 0.0 {
-            Car { rear_m: car.rear_m + LOOK_OUT_M, ..*car }
+            Car { rear_m: car.rear_m + beyond_m, ..*car }
         } else {
-            Car { front_m: car.front_m + LOOK_OUT_M, ..*car }
+            Car { front_m: car.front_m + beyond_m, ..*car }
         };
         Self::body(&longer, pose)
     }

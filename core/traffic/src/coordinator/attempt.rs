@@ -124,14 +124,15 @@ impl Solver<'_> {
             .map(|&(other, line)| Other {
                 line,
                 separation_m: separation_m(mine, job.members[other].held_stands()),
+                is_thing: false,
             })
-            .chain(
-                self.blocks
-                    .iter()
-                    .zip(&job.blocks)
-                    .filter(|(_, block)| block.concerns(member.id))
-                    .map(|(line, block)| Other { line, separation_m: separation_m(mine, &block.stands) }),
-            )
+            .chain(self.blocks.iter().zip(&job.blocks).filter(|(_, block)| block.concerns(member.id)).map(
+                |(line, block)| Other {
+                    line,
+                    separation_m: separation_m(mine, &block.stands),
+                    is_thing: block.only.is_some(),
+                },
+            ))
             .collect();
         let target = aside.is_none().then_some(member.target);
         go_on(

@@ -88,7 +88,7 @@ fn way_around(
     let others: Vec<Other<'_>> = lines
         .iter()
         .zip(suspects)
-        .map(|(line, suspect)| Other { line, separation_m: between(suspect) })
+        .map(|(line, suspect)| Other { line, separation_m: between(suspect), is_thing: false })
         .collect();
     let around = Around { target: Some(member.target), field: &field, others: &others, soft: &[], wait: 0 };
     Ok(go_on(job, member, &around, most, left)?.0)

@@ -215,7 +215,7 @@ mod tests {
         path.push(Piece { length_m: 400.0, curvature_per_m: 0.0 });
         let at_m: Vec<f64> = (0..4000).map(|tick| (f64::from(tick) * TICK_WAY_M).min(400.0)).collect();
         let line = Occupancy::driving(&DiscretizedPath::new(path, &car), &car, &at_m, 0);
-        let others = [Other { line: &line, separation_m: 0.08 }];
+        let others = [Other { line: &line, separation_m: 0.08, is_thing: false }];
         let nearby = Nearby::new(&others, 1.0);
         assert!(nearby.by_block.from.len() <= MOST_BY_BLOCK + 1, "{}", nearby.by_block.from.len());
         let mut met = 0;

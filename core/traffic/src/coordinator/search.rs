@@ -9,12 +9,12 @@ use super::crowd::Crowd;
 use super::lane;
 use super::occupancy::{NEVER, TICK_WAY_M};
 use super::order::GEAR_TICKS;
-use super::task::{Leg, Stuck, Task};
+use super::task::{Leg, Other, Stuck, Task};
 use crate::hybrid_a_star::{End, Expand, Tree};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use xtb_nav::geometry::path::wrap_rad;
-use xtb_nav::geometry::rect::{Rect, Stand};
+use xtb_nav::geometry::rect::{INFRARED_STOPS_M, LOOK_OUT_M, Rect, Stand};
 use xtb_nav::geometry::reeds_shepp;
 use xtb_nav::map::GOAL_YAWS;
 use xtb_nav::navigator::{BODY_MARGINS_M, GRAZE_M, RADIUS_FACTOR};
@@ -56,6 +56,9 @@ const LANE_TICKS: u32 = 4;
 const MOST_WAIT: u32 = 400;
 /// Margin of the look-out to fixed things, in m, less than the body's; chosen, not measured.
 const LOOK_MARGIN_M: f64 = 0.02;
+/// So near to the start what would stop a truck is all that has to be free before one that is held up, in m: two
+/// small moves; chosen, not measured.
+const NEAR_M: f64 = 2.0 * TICK_WAY_M;
 // A robot takes a path that grazes something on its own map as little as this.
 const _: () = assert!(-BODY_MARGINS_M[4] < GRAZE_M);
 
@@ -72,18 +75,22 @@ struct Node {
 /// Tick of arrival, tick until which it may stay, cost.
 type Seen = (u32, u32, f64);
 
-/// Looks for a way, and closer where what is fixed leaves none to large steps. At most so many nodes are expanded,
-/// and each counts one down in `left`.
+/// Looks for a way, and closer where what is fixed leaves none to large steps; out of a place where something keeps a
+/// truck standing with less look-out. At most so many nodes are expanded, and each counts one down in `left`.
 pub(super) fn search(task: &Task<'_>, most: u32, left: &mut u32) -> Result<Vec<Leg>, Stuck> {
     let mut budget = most.min(*left);
     *left -= budget;
-    let mut look = |task: &Task<'_>, grain| Search::new(task, grain)?.run(&mut budget);
+    let mut look = |task: &Task<'_>, grain| Search::new(task, grain, LOOK_OUT_M)?.run(&mut budget);
     let mut found = look(task, &COARSE);
-    let alone = Task { others: &[], ..*task };
+    let things: Vec<Other<'_>> = task.others.iter().filter(|other| other.is_thing).copied().collect();
+    let alone = Task { others: &things, ..*task };
     if found == Err(Stuck::Nowhere)
-        && (task.others.is_empty() || look(&alone, &COARSE) == Err(Stuck::Nowhere))
+        && (things.len() == task.others.len() || look(&alone, &COARSE) == Err(Stuck::Nowhere))
     {
         found = look(task, &FINE);
+    }
+    if found == Err(Stuck::Nowhere) && !things.is_empty() {
+        found = Search::new(task, &FINE, INFRARED_STOPS_M)?.run(&mut budget);
     }
     *left += budget;
     found
@@ -92,6 +99,8 @@ pub(super) fn search(task: &Task<'_>, most: u32, left: &mut u32) -> Result<Vec<L
 struct Search<'a> {
     task: &'a Task<'a>,
     grain: &'static Grain,
+    /// So far beyond the bumper must be free of what is fixed as long as it is near the start, in m.
+    first_look_m: f64,
     radius_m: f64,
     body_margin_m: f64,
     crowd: Crowd<'a>,
@@ -103,7 +112,7 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(task: &'a Task<'a>, grain: &'static Grain) -> Result<Self, Stuck> {
+    fn new(task: &'a Task<'a>, grain: &'static Grain, first_look_m: f64) -> Result<Self, Stuck> {
         let here = Rect::body(task.car, &task.start);
         let body_margin_m = BODY_MARGINS_M
             .into_iter()
@@ -114,8 +123,18 @@ impl<'a> Search<'a> {
         let reach_m = Rect::looking(task.car, &task.start, 1.0).reach_m();
         let crowd = Crowd::new(task.others, reach_m);
         let free_from = 0;
-        let mut search =
-            Self { task, grain, radius_m, body_margin_m, crowd, free_from, goals, closed, sweep };
+        let mut search = Self {
+            task,
+            grain,
+            first_look_m,
+            radius_m,
+            body_margin_m,
+            crowd,
+            free_from,
+            goals,
+            closed,
+            sweep,
+        };
         if let Some(target) = &task.target {
             let yaws: Vec<f64> = match target.yaw_rad {
                 Some(yaw_rad) => vec![yaw_rad],
@@ -241,16 +260,11 @@ impl<'a> Search<'a> {
             let mut before = pose;
             for tick in 1..=ticks {
                 let there = piece.after(&pose, piece.length_m * f64::from(tick) / f64::from(ticks));
-                let stand =
-                    Stand { body: Rect::body(car, &there), look: Some(Rect::looking(car, &before, gear)) };
-                if !room.is_free(&stand.body, self.body_margin_m)
-                    || !stand
-                        .look
-                        .is_none_or(|look| room.is_free(&look, LOOK_MARGIN_M.min(self.body_margin_m)))
-                {
+                let (body, look) = (Rect::body(car, &there), Rect::looking(car, &before, gear));
+                if !room.is_free(&body, self.body_margin_m) || !self.looks_free(&look, &before, gear) {
                     return None;
                 }
-                sweep.push(stand);
+                sweep.push(Stand { body, look: Some(look) });
                 before = there;
                 if tick % LANE_TICKS == 0 || tick == ticks {
                     let share = if tick % LANE_TICKS == 0 { LANE_TICKS } else { tick % LANE_TICKS };
@@ -266,6 +280,17 @@ impl<'a> Search<'a> {
             extra += SOFT_COST;
         }
         Some((pose, gear, legs, extra))
+    }
+
+    /// Whether nothing fixed is in the look-out of a truck that drives on from there.
+    fn looks_free(&self, look: &Rect, from: &MapPose, gear: f64) -> bool {
+        let Task { car, room, start, .. } = self.task;
+        let is_near = libm::hypot(from.x_m - start.x_m, from.y_m - start.y_m) < NEAR_M;
+        if is_near && self.first_look_m < LOOK_OUT_M {
+            let least = Rect::looking_to(car, from, gear, self.first_look_m);
+            return room.is_free(&least, self.body_margin_m.min(0.0));
+        }
+        room.is_free(look, LOOK_MARGIN_M.min(self.body_margin_m))
     }
 
     /// Whether the truck can stand there for good.

@@ -18,9 +18,12 @@ pub(super) struct Target {
 }
 
 /// Another truck, and how far to stay away from it in m.
+#[derive(Clone, Copy)]
 pub(super) struct Other<'a> {
     pub(super) line: &'a Occupancy,
     pub(super) separation_m: f64,
+    /// No truck but a thing, which goes nowhere.
+    pub(super) is_thing: bool,
 }
 
 /// What is asked for.

@@ -350,31 +350,41 @@ fn one_that_waits_for_one_that_moves_is_not_told_to_give_up() {
     assert!(told.is_empty(), "{told:?}");
 }
 
-/// A truck that has been led east and reports from then on that something stands this far ahead of its bumper; after
-/// 10 s of that, the pieces of its next way, and of the way of another one that is led across the same place.
-fn held_up_at(ahead_m: f64) -> [Vec<Piece>; 2] {
-    let mut coordinator = Coordinator::new(Arc::new(room(8.0, 6.0, &[])), 1);
-    let mut a = view("a", pose(2.0, 3.0, 0.0), Some((1, 6.0, 3.0)));
+/// A truck that has been led from here to there, and reports from then on that this place is taken; after 10 s of that,
+/// the pieces of its first way and of its next one, and of the way of another one that is led across the same place.
+fn held_up_at(table: &[[f64; 4]], here: MapPose, to_m: [f64; 2], at_m: [f64; 2]) -> [Vec<Piece>; 3] {
+    let mut coordinator = Coordinator::new(Arc::new(room(12.0, 10.0, table)), 1);
+    let pieces = |guide: &Guide| guide.path.as_ref().map_or_else(Vec::new, |path| path.pieces.clone());
+    let mut a = view("a", here, Some((1, to_m[0], to_m[1])));
     let guide = listen(&mut coordinator, 1000, std::slice::from_ref(&a)).remove(0);
-    let path = guide.path.unwrap();
-    assert!(path.pieces[0].length_m > 0.0 && guide.release_m > 0.5, "it begins ahead");
+    let (first, path) = (pieces(&guide), guide.path.unwrap());
+    assert!(guide.release_m > 0.3, "{} m", guide.release_m);
     a.route = Some(RouteReport { plan: guide.plan, path, done_m: 0.0, release_m: guide.release_m });
-    a.blocked_at_m = Some([2.0 + Car::of(&VehicleConfig::default()).front_m + ahead_m, 3.0]);
+    a.blocked_at_m = Some(at_m);
     let mut told = Vec::new();
     for turn in 0..4 {
         told = listen(&mut coordinator, 4000 + 3000 * turn, std::slice::from_ref(&a));
     }
-    let across = view("b", pose(2.55, 1.0, PI / 2.0), Some((2, 2.55, 5.0)));
-    let pieces = |guide: &Guide| guide.path.as_ref().map_or_else(Vec::new, |path| path.pieces.clone());
+    let across = view("b", pose(at_m[0], 1.0, PI / 2.0), Some((2, at_m[0], 5.0)));
     let both = listen(&mut coordinator, 16_000, &[a, across]);
-    [pieces(&told[0]), pieces(&both[1])]
+    [first, pieces(&told[0]), pieces(&both[1])]
 }
 
 #[test]
 fn one_that_is_held_up_right_ahead_of_its_bumper_is_led_astern_first_and_nobody_else_around_that() {
     for ahead_m in [0.05, 0.12, 0.2] {
-        let [own, others] = held_up_at(ahead_m);
-        assert!(own[0].length_m < -0.1, "{ahead_m} m: {own:?}");
+        let front_m = Car::of(&VehicleConfig::default()).front_m;
+        let at_m = [2.0 + front_m + ahead_m, 3.0];
+        let [first, own, others] = held_up_at(&[], pose(2.0, 3.0, 0.0), [6.0, 3.0], at_m);
+        assert!(first[0].length_m > 0.0 && own[0].length_m < -0.1, "{ahead_m} m: {first:?}, {own:?}");
         assert!(!others.is_empty(), "{ahead_m} m");
     }
+}
+
+#[test]
+fn one_that_is_held_up_right_behind_its_bumper_turns_away_from_a_table_by_small_moves() {
+    let (table, here) = ([3.4, 5.2, 1.2, 0.6], pose(4.993, 6.256, -1.955));
+    let [first, own, _] = held_up_at(&[table], here, [6.0, 9.1], [4.975, 6.675]);
+    assert!(first[0].length_m < 0.0, "it begins astern: {first:?}");
+    assert!(own.first().is_some_and(|piece| piece.length_m > 0.05), "{own:?}");
 }

@@ -35,7 +35,8 @@ fn find_for(
 ) -> (Result<Vec<Leg>, Stuck>, u32) {
     let target = Some(Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: Some(goal.yaw_rad) });
     let field = Field::new(room, car.half_width_m, &[], [goal.x_m, goal.y_m]);
-    let others: Vec<Other<'_>> = lines.iter().map(|line| Other { line, separation_m: 0.08 }).collect();
+    let others: Vec<Other<'_>> =
+        lines.iter().map(|line| Other { line, separation_m: 0.08, is_thing: false }).collect();
     let (others, soft) = (&others[..], &[][..]);
     let task = Task { room, car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
     let mut left = 5000;
