@@ -17,6 +17,7 @@
 
 mod reader;
 mod setup;
+mod stuffing;
 mod writer;
 
 pub use reader::{Content, FrameError, Losses, Reader, words};

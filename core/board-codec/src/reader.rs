@@ -1,6 +1,6 @@
 //! Frames, found in the bytes of a line, opened and checked.
 
-use crate::{MAX_FRAME, crc32};
+use crate::{MAX_FRAME, crc32, stuffing};
 
 /// Why bytes were not a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -125,7 +125,7 @@ impl Reader {
     #[inline]
     fn open(&mut self, frame: &[u8]) -> Result<Content, FrameError> {
         let mut body = [0; MAX_FRAME];
-        let len = cobs::decode(frame, &mut body).map_err(|_| FrameError::Cobs)?;
+        let len = stuffing::decode(frame, &mut body).ok_or(FrameError::Cobs)?;
         if len < 6 {
             return Err(FrameError::TooShort(len));
         }

@@ -1,6 +1,6 @@
 //! Frames, built for the line.
 
-use crate::{MAX_BODY, MAX_FRAME, crc32};
+use crate::{MAX_BODY, MAX_FRAME, crc32, stuffing};
 
 /// A frame ready for the line.
 #[derive(Debug, Clone, Copy)]
@@ -43,7 +43,7 @@ impl Writer {
         let crc = crc32(&body[..len]);
         body[len..len + 4].copy_from_slice(&crc.to_le_bytes());
         let mut frame = Frame { bytes: [0; MAX_FRAME], len: 0 };
-        let encoded = cobs::encode(&body[..len + 4], &mut frame.bytes);
+        let encoded = stuffing::encode(&body[..len + 4], &mut frame.bytes);
         frame.len = encoded + 1; // the delimiter is already there
         frame
     }

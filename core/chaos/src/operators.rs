@@ -28,7 +28,7 @@ const RETAINED: usize = 2;
 #[derive(Debug, Clone)]
 enum Doing {
     Pause,
-    Asking { call: Call, id: Uuid },
+    Asking { call: Box<Call>, id: Uuid },
     Driving { rpm: f64, steering: f64, until: Turn, next: Turn },
     Estopping { robot: u8, id: Uuid, until: Turn, next: Turn },
 }
@@ -353,6 +353,6 @@ impl Person {
         if released {
             self.operator = Operator::default();
         }
-        self.doing = Doing::Asking { call, id };
+        self.doing = Doing::Asking { call: Box::new(call), id };
     }
 }

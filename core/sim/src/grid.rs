@@ -40,12 +40,12 @@ impl Cells {
     }
 
     fn column(&self, x_m: f64) -> usize {
-        // A negative float saturates to 0.
-        (((x_m - self.min_x_m) * self.per_m) as usize).min(self.columns - 1)
+        // A negative float saturates to 0; 32 bits do so without a branch.
+        (((x_m - self.min_x_m) * self.per_m) as u32 as usize).min(self.columns - 1)
     }
 
     fn row(&self, y_m: f64) -> usize {
-        (((y_m - self.min_y_m) * self.per_m) as usize).min(self.rows - 1)
+        (((y_m - self.min_y_m) * self.per_m) as u32 as usize).min(self.rows - 1)
     }
 
     fn cell(&self, (x_m, y_m): (f64, f64)) -> usize {

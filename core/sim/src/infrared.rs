@@ -104,6 +104,26 @@ pub(crate) struct RangeFinders {
     next_ns: [u64; SENSORS],
     /// The first of these moments.
     due_ns: u64,
+    looked: Looked,
+}
+
+/// What the range finders of a truck that stands have seen of the world, so that none looks again.
+#[derive(Debug, Clone, Default)]
+struct Looked {
+    /// The body's centre and direction.
+    from: [(f64, f64); 2],
+    /// With which stretch each has looked since the truck is there, without anything near that may move, and the voltage
+    /// that comes of it.
+    seen: [Option<(f64, Option<f64>)>; SENSORS],
+}
+
+impl Looked {
+    fn come(&mut self, body: &OrientedBox) {
+        let from = [body.centre_m(), body.direction()];
+        if from != self.from {
+            *self = Self { from, ..Self::default() };
+        }
+    }
 }
 
 impl RangeFinders {
@@ -137,7 +157,7 @@ impl RangeFinders {
                 fault: RangeFinderFault::None,
             })
         });
-        Self { truth: truth.clone(), sensors, next_ns, due_ns: 0 }
+        Self { truth: truth.clone(), sensors, next_ns, due_ns: 0, looked: Looked::default() }
     }
 
     /// Lets every sensor measure whose time has come. `stretch` is 1 / cos θ of front and rear bumper.
@@ -153,7 +173,9 @@ impl RangeFinders {
         if now_ns < self.due_ns {
             return;
         }
-        for (sensor, next_ns) in self.sensors.iter_mut().zip(&mut self.next_ns) {
+        self.looked.come(body);
+        let sensors = self.sensors.iter_mut().zip(&mut self.looked.seen);
+        for ((sensor, seen), next_ns) in sensors.zip(&mut self.next_ns) {
             if *next_ns <= now_ns {
                 let Some(sensor) = sensor else {
                     *next_ns = u64::MAX;
@@ -161,11 +183,21 @@ impl RangeFinders {
                 };
                 *next_ns += sensor.period_ns;
                 let stretch = stretch[usize::from(sensor.is_rear)];
-                let seen_v = sensor.seen_v(&self.truth, context, me, body, stretch);
+                let known = seen.filter(|(with, _)| *with == stretch && context.is_alone(me));
+                let seen_v = known.map_or_else(
+                    || sensor.seen_v(&self.truth, context, me, body, stretch),
+                    |(_, seen_v)| seen_v,
+                );
+                *seen = context.is_alone(me).then_some((stretch, seen_v));
                 sensor.measure(&self.truth, seen_v, noise);
             }
         }
         self.due_ns = self.next_ns.into_iter().fold(u64::MAX, u64::min);
+    }
+
+    /// The world has changed: what was seen of it may be gone.
+    pub(crate) fn look_again(&mut self) {
+        self.looked = Looked::default();
     }
 
     /// No ray ends farther from the body's centre.

@@ -131,6 +131,11 @@ impl StepContext<'_> {
         self.lists.islands.near(me).map(|n| (n, self.body(n)))
     }
 
+    /// Whether no other one could matter to a truck.
+    pub(crate) fn is_alone(&self, me: usize) -> bool {
+        self.lists.islands.near(me).next().is_none()
+    }
+
     /// Whether two bodies are as near to each other as bodies reach.
     fn may_meet(&self, a: &OrientedBox, b: &OrientedBox) -> bool {
         let ((ax, ay), (bx, by)) = (a.centre_m(), b.centre_m());

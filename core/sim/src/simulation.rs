@@ -333,6 +333,7 @@ impl Simulation {
     fn change_world(&mut self, world: World) {
         self.world = world;
         self.scene = Scene::new(&self.world);
+        self.trucks.iter_mut().for_each(Truck::look_again);
         let foreign = self.foreign.values().map(|known| known.body);
         self.traffic = Bodies::new(&self.scene, &self.trucks, foreign);
     }

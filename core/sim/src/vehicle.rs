@@ -324,6 +324,11 @@ impl Truck {
         self.board.counters()
     }
 
+    /// What stands around has changed.
+    pub(crate) fn look_again(&mut self) {
+        self.range_finders.look_again();
+    }
+
     /// One step, once for each context; it must come from [`crate::Simulation::split_step`] of the
     /// simulation that the truck belongs to. Allocates nothing.
     pub fn step(&mut self, context: &StepContext<'_>) {

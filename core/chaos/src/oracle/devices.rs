@@ -160,7 +160,9 @@ impl Devices {
     }
 
     fn sensors(&mut self, now: Turn, truth: &Truth) -> Option<&'static str> {
-        let any = |one: RangeFinderFault| truth.sensors.range_finders.contains(&one);
+        let (finders, none) = (&truth.sensors.range_finders, &SensorFaults::default().range_finders);
+        let faulty = finders != none;
+        let any = |one: RangeFinderFault| faulty && finders.contains(&one);
         // Scans that do not arrive show nothing.
         let heard = truth.hears();
         let turning = truth.speed_mps.abs() > 0.05;

@@ -59,6 +59,14 @@ fn square(v: f64) -> f64 {
     v * v
 }
 
+/// A row of [`State::carry`].
+type Row = (usize, [(usize, f64); 3]);
+
+/// What a step's turn adds to the heading.
+fn heading_row(step: &MotionIncrement) -> Row {
+    (YAW, [(DRIFT, step.dt_s), (DELAY, 0.0), (DELAY, 0.0)])
+}
+
 impl State {
     pub(crate) fn at(pose: &MapPose, tuning: &FilterTuning) -> Self {
         let FilterTuning { start_m, start_rad, drift_radps, wheel_scale, delay_s, .. } = *tuning;
@@ -122,27 +130,12 @@ impl State {
 
     /// One step of the odometry.
     pub(crate) fn predict(&mut self, step: &MotionIncrement, tuning: &FilterTuning) {
-        let yaw_rad = wrap_rad(self.mean[YAW] + step.turn_rad + self.mean[DRIFT] * step.dt_s);
-        let (sin, cos) = libm::sincos(yaw_rad);
-        let (dx, dy) = (step.ahead_m * cos - step.left_m * sin, step.ahead_m * sin + step.left_m * cos);
-        let stretch = 1.0 + self.mean[SCALE];
-        self.mean[YAW] = yaw_rad;
-        self.mean[X] += stretch * dx;
-        self.mean[Y] += stretch * dy;
-
-        self.carry(&[
-            (X, [(YAW, -stretch * dy), (DRIFT, -stretch * dy * step.dt_s), (SCALE, dx)]),
-            (Y, [(YAW, stretch * dx), (DRIFT, stretch * dx * step.dt_s), (SCALE, dy)]),
-            (YAW, [(DRIFT, step.dt_s), (DELAY, 0.0), (DELAY, 0.0)]),
-        ]);
-
-        let way_m = libm::hypot(dx, dy);
-        let (along, across) = (square(tuning.along_walk) * way_m, square(tuning.across_walk) * way_m);
-        self.covariance[(X, X)] += along * cos * cos + across * sin * sin;
-        self.covariance[(Y, Y)] += along * sin * sin + across * cos * cos;
-        self.covariance[(X, Y)] += (along - across) * sin * cos;
-        self.covariance[(Y, X)] += (along - across) * sin * cos;
-        self.shorten_by_heading(way_m);
+        self.mean[YAW] = wrap_rad(self.mean[YAW] + step.turn_rad + self.mean[DRIFT] * step.dt_s);
+        if step.ahead_m != 0.0 || step.left_m != 0.0 {
+            self.move_place(step, tuning);
+        } else {
+            self.carry(&[heading_row(step)]); // all else would add 0
+        }
         self.covariance[(YAW, YAW)] += square(tuning.yaw_walk) * step.dt_s;
         self.covariance[(DRIFT, DRIFT)] += square(tuning.drift_walk) * step.dt_s;
         self.covariance[(DELAY, DELAY)] += square(tuning.delay_walk) * step.dt_s;
@@ -152,9 +145,32 @@ impl State {
         }
     }
 
+    /// The part of a step that is not its turn; its heading is the one at the step's end.
+    fn move_place(&mut self, step: &MotionIncrement, tuning: &FilterTuning) {
+        let (sin, cos) = libm::sincos(self.mean[YAW]);
+        let (dx, dy) = (step.ahead_m * cos - step.left_m * sin, step.ahead_m * sin + step.left_m * cos);
+        let stretch = 1.0 + self.mean[SCALE];
+        self.mean[X] += stretch * dx;
+        self.mean[Y] += stretch * dy;
+
+        self.carry(&[
+            (X, [(YAW, -stretch * dy), (DRIFT, -stretch * dy * step.dt_s), (SCALE, dx)]),
+            (Y, [(YAW, stretch * dx), (DRIFT, stretch * dx * step.dt_s), (SCALE, dy)]),
+            heading_row(step),
+        ]);
+
+        let way_m = libm::hypot(dx, dy);
+        let (along, across) = (square(tuning.along_walk) * way_m, square(tuning.across_walk) * way_m);
+        self.covariance[(X, X)] += along * cos * cos + across * sin * sin;
+        self.covariance[(Y, Y)] += along * sin * sin + across * cos * cos;
+        self.covariance[(X, Y)] += (along - across) * sin * cos;
+        self.covariance[(Y, X)] += (along - across) * sin * cos;
+        self.shorten_by_heading(way_m);
+    }
+
     /// The covariance after a step whose derivative is the identity but for these rows: `F P Fᵀ`, of which only
     /// what is not 0 is computed. A row may use only rows that come after it.
-    fn carry(&mut self, rows: &[(usize, [(usize, f64); 3])]) {
+    fn carry(&mut self, rows: &[Row]) {
         let columns = &mut self.covariance.data.0; // arrays, which the compiler turns into wide instructions
         for (row, parts) in rows {
             for column in columns.iter_mut() {
