@@ -71,6 +71,8 @@ pub struct Controller {
     piston_lines: [Line; 4],
     pistons: [PwmCount; 4],
     bumpers: [BumperServo; 2],
+    /// `obstacle.threshold_cm` as configured; the one in `config` may be more.
+    least_threshold_cm: f64,
 }
 
 impl Controller {
@@ -83,6 +85,7 @@ impl Controller {
             bumpers: bumper_servos(&config.bumpers, &config.calibration),
             piston_lines,
             pistons: piston_lines.map(standing),
+            least_threshold_cm: config.obstacle.threshold_cm,
             config,
             mode: Mode::Idle,
             reference_rpm: 0.0,
@@ -127,6 +130,9 @@ impl Controller {
             Sample::Adc(adc) => self.adc(t, adc),
             Sample::Remote(remote) => self.remote(remote),
             Sample::Command(command) => self.command(command),
+            Sample::Obstacle { threshold_cm } => {
+                self.config.obstacle.threshold_cm = self.least_threshold_cm.max(*threshold_cm);
+            }
         }
         self.obstacle_rule(t);
         self.wander_timers(t);

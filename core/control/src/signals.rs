@@ -79,6 +79,12 @@ pub enum Sample {
     Remote(RemoteSample),
     /// From the level above.
     Command(Command),
+    /// The level above keeps more distance from now on: what is nearer is an obstacle. Less than the configuration's
+    /// `obstacle.threshold_cm` counts as that.
+    Obstacle {
+        /// From the face of a bumper.
+        threshold_cm: f64,
+    },
 }
 
 /// What the controller is doing.

@@ -132,6 +132,7 @@ fn kind(sample: &Sample) -> &'static str {
         Sample::Adc(_) => "adc",
         Sample::Remote(_) => "remote",
         Sample::Command(_) => "command",
+        Sample::Obstacle { .. } => "obstacle",
     }
 }
 

@@ -30,6 +30,7 @@ config_section! {
         limit_mps: f64 = 1.0, "m/s", Range(0.1, 1.0), Ours, "Never faster than this, on planned paths or by hand over the network, whatever else allows more. May be changed while the robot runs (`fleet-cli param`).";
         cruise_mps: f64 = CRUISE_MPS, "m/s", Range(0.1, 1.0), Ours, "Maximum speed, on stretches with traffic clearance.";
         meeting_mps: f64 = MEETING_MPS, "m/s", Range(0.1, 0.5), Ours, "Maximum speed without traffic control: two robots that meet each need their own stopping distance.";
+        obstacle_cm: f64 = 10.0, "cm", Range(10.0, 80.0), Ours, "What is nearer to a bumper than this is an obstacle, whoever drives; less than obstacle.threshold_cm counts as that. Paths are planned for 25: with more, a robot may stop before what they lead past. May be changed while the robot runs.";
         look_ahead_m: f64 = 0.22, "m", Range(0.15, 0.6), Ours, "Look-ahead at standstill: pose errors decay over about this distance.";
         look_ahead_s: f64 = 0.2, "s", Range(0.0, 1.0), Ours, "Additional look-ahead per m/s of speed.";
         deviation_m: f64 = 0.12, "m", Range(0.03, 0.5), Ours, "Lateral deviation from the path at which the robot stops and replans.";

@@ -76,7 +76,7 @@ impl<T: Serialize> Serialize for Object<T> {
     }
 }
 
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct Line {
@@ -96,6 +96,9 @@ struct Line {
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schemars(with = "CommandLine"))]
     command: Option<Object<CommandLine>>,
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schemars(with = "ObstacleLine"))]
+    obstacle: Option<Object<ObstacleLine>>,
 }
 
 /// A field that may be left out, but not be null.
@@ -146,6 +149,13 @@ struct RemoteLine {
     steering: Option<u32>,
     #[serde(deserialize_with = "nullable")]
     selector: Option<u32>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+struct ObstacleLine {
+    threshold_cm: f64,
 }
 
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -221,30 +231,35 @@ impl Line {
             + usize::from(self.encoder.is_some())
             + usize::from(self.adc.is_some())
             + usize::from(self.remote.is_some())
-            + usize::from(self.command.is_some());
-        let Self { gyro, encoder, adc, remote, command, .. } = self;
-        match (gyro, encoder, adc, remote, command) {
-            (Some(Object(GyroLine { roll, pitch, yaw })), None, None, None, None) => {
+            + usize::from(self.command.is_some())
+            + usize::from(self.obstacle.is_some());
+        let Self { gyro, encoder, adc, remote, command, obstacle, .. } = self;
+        match (gyro, encoder, adc, remote, command, obstacle) {
+            (Some(Object(GyroLine { roll, pitch, yaw })), None, None, None, None, None) => {
                 Ok(Sample::Gyro(GyroSample { roll, pitch, yaw }))
             }
-            (None, Some(Object(EncoderLine { pulses })), None, None, None) => Ok(Sample::Encoder { pulses }),
-            (None, None, Some(Object(adc)), None, None) => Ok(Sample::Adc(AdcSample {
+            (None, Some(Object(EncoderLine { pulses })), None, None, None, None) => {
+                Ok(Sample::Encoder { pulses })
+            }
+            (None, None, Some(Object(adc)), None, None, None) => Ok(Sample::Adc(AdcSample {
                 ir_front: bumper(&adc.ir_front)?,
                 ir_rear: bumper(&adc.ir_rear)?,
                 tilt: counts(adc.tilt)?,
                 pistons: counts(adc.pistons)?,
             })),
-            (None, None, None, Some(Object(RemoteLine { speed, steering, selector })), None) => {
+            (None, None, None, Some(Object(RemoteLine { speed, steering, selector })), None, None) => {
                 Ok(Sample::Remote(RemoteSample { speed, steering, selector }))
             }
-            (None, None, None, None, Some(Object(command))) => Ok(Sample::Command(command.command()?)),
+            (None, None, None, None, Some(Object(command)), None) => Ok(Sample::Command(command.command()?)),
+            (None, None, None, None, None, Some(Object(ObstacleLine { threshold_cm }))) => {
+                Ok(Sample::Obstacle { threshold_cm })
+            }
             _ => Err(TraceError::Kinds(kinds)),
         }
     }
 
     fn of(t: Stamp, sample: &Sample) -> Self {
-        let mut line =
-            Self { t_ns: t.ns(), gyro: None, encoder: None, adc: None, remote: None, command: None };
+        let mut line = Self { t_ns: t.ns(), ..Self::default() };
         match *sample {
             Sample::Gyro(GyroSample { roll, pitch, yaw }) => {
                 line.gyro = Some(Object(GyroLine { roll, pitch, yaw }));
@@ -264,6 +279,7 @@ impl Line {
                 line.remote = Some(Object(RemoteLine { speed, steering, selector }));
             }
             Sample::Command(command) => line.command = Some(Object(CommandLine::of(&command))),
+            Sample::Obstacle { threshold_cm } => line.obstacle = Some(Object(ObstacleLine { threshold_cm })),
         }
         line
     }
@@ -364,6 +380,7 @@ pub fn kind(sample: &Sample) -> &'static str {
         Sample::Adc(_) => "adc",
         Sample::Remote(_) => "remote",
         Sample::Command(_) => "command",
+        Sample::Obstacle { .. } => "obstacle",
     }
 }
 

@@ -99,6 +99,8 @@ pub struct Robot {
     remote_due: Option<Stamp>,
     /// The speed stick must be seen neutral before it drives: at boot, and after the board was lost.
     stick_held: bool,
+    /// What the controller was told last of how near an obstacle is.
+    obstacle_cm: f64,
     /// The last turn, and since when the motor's pulse is neutral.
     turned: Option<Stamp>,
     neutral_since: Option<Stamp>,
@@ -129,6 +131,7 @@ impl Robot {
             counter: Bno085Counter::default(),
             yaw_cdeg: 0,
         });
+        let obstacle_cm = vehicle.obstacle.threshold_cm;
         let controller = Controller::new(vehicle);
         let outputs = controller.outputs(Stamp::ZERO);
         Self {
@@ -171,6 +174,7 @@ impl Robot {
             state_seq: 0,
             remote_due: None,
             stick_held: true,
+            obstacle_cm,
             turned: None,
             neutral_since: Some(Stamp::ZERO),
             late_ns: 0,
@@ -229,6 +233,10 @@ impl Robot {
         }
         if line_fault.is_some() && self.guards.on(Guard::LineLost) {
             self.lose_remote(now);
+        }
+        if self.obstacle_cm != self.agent.obstacle_cm() {
+            self.obstacle_cm = self.agent.obstacle_cm();
+            self.step(now, &Sample::Obstacle { threshold_cm: self.obstacle_cm });
         }
         let gyro_fault = self.gyro_fault(now, line_fault);
         self.agent.set_faults(now, &self.faults(now, line_fault, gyro_fault));

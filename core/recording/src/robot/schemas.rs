@@ -9,12 +9,13 @@ use xtb_protocol::messages::{Event, ParamChange};
 use xtb_protocol::trace::{decision_schema, sample_schema};
 
 /// Kinds of samples, each with a topic of its own, and what they hold.
-pub(super) const KINDS: [(&str, &str); 5] = [
+pub(super) const KINDS: [(&str, &str); 6] = [
     ("gyro", "Raw Euler counts, 360/65536 deg each"),
     ("encoder", "Pulses in the window that just closed"),
     ("adc", "Converter counts"),
     ("remote", "Time counts of 1.6 us; null = no pulse"),
     ("command", "What the level above asked for"),
+    ("obstacle", "How near an obstacle is from now on"),
 ];
 
 /// What the first message looks like.

@@ -1,7 +1,8 @@
 //! Settings that may change while the robot runs: one table, who may change what and when, and who did.
 //!
 //! Only settings of the second level: what the first level decides follows from its samples and commands, which are
-//! recorded, so that a recording replays bit for bit whatever was changed. A change that only makes the robot more
+//! recorded, so that a recording replays bit for bit whatever was changed. The one that concerns the first level's
+//! obstacle rule reaches it as a sample ([`Sample::Obstacle`](xtb_control::Sample::Obstacle)). A change that only makes the robot more
 //! careful needs no control of it, as a stop needs none: a speed limit reaches robots that others drive.
 
 use super::{Agent, View};
@@ -24,7 +25,7 @@ struct Changeable {
 }
 
 /// All of them; unit, range and what each is stand in the table of `NavSettings`.
-const CHANGEABLE: [Changeable; 10] = {
+const CHANGEABLE: [Changeable; 11] = {
     use ParamCareful::{Lower, No};
     use ParamWhen::{Always, Standing};
     const fn row(
@@ -39,6 +40,7 @@ const CHANGEABLE: [Changeable; 10] = {
         row("navigation.drive.limit_mps", Always, Lower, |s| &mut s.drive.limit_mps),
         row("navigation.drive.cruise_mps", Always, Lower, |s| &mut s.drive.cruise_mps),
         row("navigation.drive.meeting_mps", Always, Lower, |s| &mut s.drive.meeting_mps),
+        row("navigation.drive.obstacle_cm", Always, No, |s| &mut s.drive.obstacle_cm),
         row("navigation.drive.look_ahead_m", Standing, No, |s| &mut s.drive.look_ahead_m),
         row("navigation.drive.look_ahead_s", Standing, No, |s| &mut s.drive.look_ahead_s),
         row("navigation.drive.deviation_m", Standing, No, |s| &mut s.drive.deviation_m),
@@ -64,10 +66,13 @@ type Refusal = (ParamCode, String, &'static str);
 
 impl Params {
     pub(super) fn new(vehicle: &VehicleConfig, settings: &NavSettings) -> Self {
+        let mut settings = settings.clone();
+        let obstacle_cm = &mut settings.drive.obstacle_cm;
+        *obstacle_cm = obstacle_cm.max(vehicle.obstacle.threshold_cm);
         Self {
             vehicle: vehicle.clone(),
-            settings: settings.clone(),
             saved: settings.clone(),
+            settings,
             changes: VecDeque::new(),
             news: VecDeque::new(),
         }
@@ -76,6 +81,11 @@ impl Params {
     /// No faster than this, however it is driven, in m/s.
     pub(super) fn limit_mps(&self) -> f64 {
         self.settings.drive.limit_mps
+    }
+
+    /// What is nearer to a bumper than this is an obstacle, in cm.
+    pub(super) fn obstacle_cm(&self) -> f64 {
+        self.settings.drive.obstacle_cm
     }
 
     fn list(&self, now: Stamp) -> ParamList {
@@ -112,6 +122,11 @@ impl Params {
                 error.to_string(),
                 "`fleet-cli param list` shows the ranges",
             ));
+        }
+        let least_cm = self.vehicle.obstacle.threshold_cm;
+        if new.drive.obstacle_cm < least_cm {
+            let message = format!("the vehicle's obstacle.threshold_cm is {least_cm}");
+            return Err((ParamCode::Conflict, message, "only more distance can be kept while it runs"));
         }
         let fits = new.validate().and_then(|()| new.validate_for(&self.vehicle));
         fits.map_err(|error| {
@@ -171,6 +186,12 @@ fn info(row: &Changeable, parameter: &Parameter, now: &NavSettings, saved: &NavS
 }
 
 impl Agent {
+    /// What is nearer to a bumper than this is an obstacle, in cm; no less than the vehicle's own rule says.
+    #[must_use]
+    pub fn obstacle_cm(&self) -> f64 {
+        self.params.obstacle_cm()
+    }
+
     /// A question about settings, or a change; the answer is final. Of a save it is that of a robot that has saved:
     /// whoever writes the file asks [`Agent::params_to_save`] before.
     pub fn param(&mut self, now: Stamp, client: &Name, request: &ParamRequest, view: View<'_>) -> ParamReply {

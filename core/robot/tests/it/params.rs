@@ -10,6 +10,7 @@ use xtb_protocol::{Name, Uuid};
 const LIMIT: &str = "navigation.drive.limit_mps";
 const CRUISE: &str = "navigation.drive.cruise_mps";
 const MEETING: &str = "navigation.drive.meeting_mps";
+const OBSTACLE: &str = "navigation.drive.obstacle_cm";
 const LOOK_AHEAD: &str = "navigation.drive.look_ahead_m";
 
 fn ask(bench: &mut Bench, client: &str, lease: Option<Lease>, body: ParamBody) -> ParamReply {
@@ -83,6 +84,8 @@ fn what_is_unknown_out_of_range_or_unsafe_is_refused_by_name_and_nothing_changes
         (&[(CRUISE, 0.15)], ParamCode::Conflict),
         // The obstacle rule cannot stop from there.
         (&[(CRUISE, 0.6)], ParamCode::Conflict),
+        // The vehicle's own rule is the least.
+        (&[(OBSTACLE, 24.0)], ParamCode::Conflict),
         (&[(LOOK_AHEAD, 0.3), (MEETING, 0.4)], ParamCode::Conflict),
     ] {
         assert_eq!(set(&mut bench, lease, values), Err(code), "{values:?}");

@@ -8,7 +8,7 @@ use xtb_protocol::trace::{TraceReader, kind};
 use xtb_robot::step_log::Step;
 
 /// At least one line of each kind, in the order of their times.
-const LINES: [&str; 9] = [
+const LINES: [&str; 10] = [
     r#"{"t_ns":1,"gyro":{"roll":-1,"pitch":2,"yaw":-32768}}"#,
     r#"{"t_ns":2,"encoder":{"pulses":23}}"#,
     r#"{"t_ns":3,"adc":{"ir_front":[0,1,2,3,4,1023],"ir_rear":[0,0,0,0,0,0],"tilt":[512.5,3],"pistons":[1,2,3,4]}}"#,
@@ -18,6 +18,7 @@ const LINES: [&str; 9] = [
     r#"{"t_ns":7,"command":{"follow":{"rpm":40.5,"steering":-0.2}}}"#,
     r#"{"t_ns":8,"command":{"goto":{"x_m":0.1,"y_m":-2}}}"#,
     r#"{"t_ns":9,"gyro":{"roll":0,"pitch":0,"yaw":0}}"#,
+    r#"{"t_ns":10,"obstacle":{"threshold_cm":40}}"#,
 ];
 
 /// Each step's kind, the message of its sample, and that of its decision.
