@@ -9,7 +9,8 @@
 //!   sample ────┼── adc ────► infrared ► obstacle             ├─► obstacle rule ─► wander timers ─► Outputs
 //!              │         └─► tilt ► balance or platform PID  │   (motor neutral)
 //!              ├── remote ─► manual, automatic, lost         │
-//!              └── command ► mode ───────────────────────────┘
+//!              ├── command ► mode ───────────────────────────┘
+//!              └── obstacle ► how near one is, from now on
 //! ```
 //!
 //! Words: *reference* is what the mode demands in wheel rpm; *blocked* means that an obstacle lies
@@ -30,7 +31,7 @@ use crate::speed::{Direction, SpeedPid, wheel_rpm};
 use crate::tilt::{TiltAngles, tilt_angles};
 use crate::tpu::ResetMask;
 use crate::units::{PwmCount, Stamp, Steering};
-use crate::vehicle::{Line, Platform, VehicleConfig};
+use crate::vehicle::{Line, Obstacle, Platform, VehicleConfig};
 use crate::wander::WanderStage;
 
 pub use crate::remote::RemoteSample;
@@ -71,8 +72,8 @@ pub struct Controller {
     piston_lines: [Line; 4],
     pistons: [PwmCount; 4],
     bumpers: [BumperServo; 2],
-    /// `obstacle.threshold_cm` as configured; the one in `config` may be more.
-    least_threshold_cm: f64,
+    /// The obstacle rule in force: that of the configuration, or from farther away.
+    rule: Obstacle,
 }
 
 impl Controller {
@@ -85,7 +86,7 @@ impl Controller {
             bumpers: bumper_servos(&config.bumpers, &config.calibration),
             piston_lines,
             pistons: piston_lines.map(standing),
-            least_threshold_cm: config.obstacle.threshold_cm,
+            rule: config.obstacle.clone(),
             config,
             mode: Mode::Idle,
             reference_rpm: 0.0,
@@ -131,7 +132,7 @@ impl Controller {
             Sample::Remote(remote) => self.remote(remote),
             Sample::Command(command) => self.command(command),
             Sample::Obstacle { threshold_cm } => {
-                self.config.obstacle.threshold_cm = self.least_threshold_cm.max(*threshold_cm);
+                self.rule.threshold_cm = self.config.obstacle.threshold_cm.max(*threshold_cm);
             }
         }
         self.obstacle_rule(t);
@@ -187,7 +188,7 @@ impl Controller {
         let fitted = &self.config.range_finders;
         self.ir_front_cm = bumper_ranges(infrared, &fitted.front, front, &adc.ir_front);
         self.ir_rear_cm = bumper_ranges(infrared, &fitted.rear, rear, &adc.ir_rear);
-        let rule = &self.config.obstacle;
+        let rule = &self.rule;
         self.obstacle = ObstacleState {
             front: self.front.update(rule, &fitted.front, t, &self.ir_front_cm, self.travel_m),
             rear: self.rear.update(rule, &fitted.rear, t, &self.ir_rear_cm, -self.travel_m),

@@ -1,7 +1,8 @@
 //! What a lab may set of the second level, each with unit, range, default and origin.
 //!
 //! Few of all constants: the others belong to the truck's build and stay in the tables of
-//! [`FollowerSettings`] and [`FilterTuning`]. None of these changes what the first level decides.
+//! [`FollowerSettings`] and [`FilterTuning`]. Of these only `navigation.drive.obstacle_cm` reaches the
+//! first level, as a sample.
 
 use crate::geometry::Car;
 use crate::localization::{FilterTuning, UncertaintyLimits};

@@ -7,7 +7,7 @@
 //! | topic | message |
 //! | --- | --- |
 //! | `config` | the first message: who, which version, the vehicle's constants as TOML |
-//! | `gyro`, `encoder`, `adc`, `remote`, `command` | `{"n": …,` then the line of the trace |
+//! | `gyro`, `encoder`, `adc`, `remote`, `command`, `obstacle` | `{"n": …,` then the line of the trace |
 //! | `outputs` | `{"n": …, "sample_crc": …,` then what was decided, numbers in full |
 //! | `event` | `{"n": …,` then the event: who has control, goals, latches |
 //!

@@ -87,6 +87,7 @@ pub(crate) fn sample() -> impl Strategy<Value = Sample> {
         3 => adc_sample().prop_map(Sample::Adc),
         3 => remote_sample().prop_map(Sample::Remote),
         2 => command().prop_map(Sample::Command),
+        1 => any::<f64>().prop_map(|threshold_cm| Sample::Obstacle { threshold_cm }),
     ]
 }
 

@@ -12,7 +12,8 @@ use xtb_control::Stamp;
 
 /// The first level holds it this long before it looks for another way; chosen, not measured.
 const BLOCKED_MS: u64 = 1_500;
-/// What holds it stands so far ahead of the bumper, in m, within the obstacle rule's 25 cm, …
+/// What holds it stands so far ahead of the bumper, in m, within the obstacle rule's 25 cm, or as far within a longer
+/// one (`navigation.drive.obstacle_cm`), …
 const HELD_AHEAD_M: f64 = 0.2;
 /// … or where something is known as near as this to there; chosen, not measured.
 const HELD_NEAR_M: f64 = 0.4;
@@ -129,7 +130,8 @@ impl Navigator {
 
     /// Where the thing most likely is because of which the first level holds the motor.
     fn held_by(&self, now: Stamp, pose: &MapPose, speed_mps: f64) -> [f64; 2] {
-        let ahead_m = speed_mps.signum() * (self.car.front_m + HELD_AHEAD_M);
+        let held_m = HELD_AHEAD_M.max(self.settings.drive.obstacle_cm / 100.0 - 0.05);
+        let ahead_m = speed_mps.signum() * (self.car.front_m + held_m);
         let (sin, cos) = libm::sincos(pose.yaw_rad);
         let at = [pose.x_m + ahead_m * cos, pose.y_m + ahead_m * sin];
         let obstacle = self.obstacles.as_ref().and_then(|obstacles| obstacles.nearest(now, at));

@@ -2,8 +2,8 @@
 //!
 //! Only settings of the second level: what the first level decides follows from its samples and commands, which are
 //! recorded, so that a recording replays bit for bit whatever was changed. The one that concerns the first level's
-//! obstacle rule reaches it as a sample ([`Sample::Obstacle`](xtb_control::Sample::Obstacle)). A change that only makes the robot more
-//! careful needs no control of it, as a stop needs none: a speed limit reaches robots that others drive.
+//! obstacle rule reaches it as a sample ([`Sample::Obstacle`](xtb_control::Sample::Obstacle)). A lower speed needs no
+//! control of the robot, as a stop needs none: a speed limit reaches robots that others drive.
 
 use super::{Agent, View};
 use std::collections::VecDeque;
@@ -24,6 +24,8 @@ struct Changeable {
     of: fn(&mut NavSettings) -> &mut f64,
 }
 
+const OBSTACLE: &str = "navigation.drive.obstacle_cm";
+
 /// All of them; unit, range and what each is stand in the table of `NavSettings`.
 const CHANGEABLE: [Changeable; 11] = {
     use ParamCareful::{Lower, No};
@@ -40,7 +42,7 @@ const CHANGEABLE: [Changeable; 11] = {
         row("navigation.drive.limit_mps", Always, Lower, |s| &mut s.drive.limit_mps),
         row("navigation.drive.cruise_mps", Always, Lower, |s| &mut s.drive.cruise_mps),
         row("navigation.drive.meeting_mps", Always, Lower, |s| &mut s.drive.meeting_mps),
-        row("navigation.drive.obstacle_cm", Always, No, |s| &mut s.drive.obstacle_cm),
+        row(OBSTACLE, Always, No, |s| &mut s.drive.obstacle_cm),
         row("navigation.drive.look_ahead_m", Standing, No, |s| &mut s.drive.look_ahead_m),
         row("navigation.drive.look_ahead_s", Standing, No, |s| &mut s.drive.look_ahead_s),
         row("navigation.drive.deviation_m", Standing, No, |s| &mut s.drive.deviation_m),
@@ -100,9 +102,15 @@ impl Params {
             to: to.value,
         };
         ParamList {
-            params: CHANGEABLE.iter().filter_map(info).collect(),
+            params: CHANGEABLE.iter().filter_map(info).map(|info| self.bounded(info)).collect(),
             changes: self.changes.iter().map(change).collect(),
         }
+    }
+
+    /// Never nearer than the vehicle's own rule.
+    fn bounded(&self, info: ParamInfo) -> ParamInfo {
+        let least = if info.name == OBSTACLE { self.vehicle.obstacle.threshold_cm } else { info.min };
+        ParamInfo { min: info.min.max(least), ..info }
     }
 
     /// The settings with these values, those of the table that differ, and whether that is only more careful.

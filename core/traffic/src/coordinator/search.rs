@@ -56,9 +56,9 @@ const LANE_TICKS: u32 = 4;
 const MOST_WAIT: u32 = 400;
 /// Margin of the look-out to fixed things, in m, less than the body's; chosen, not measured.
 const LOOK_MARGIN_M: f64 = 0.02;
-/// So near to the start what would stop a truck is all that has to be free before one that is held up, in m: two
-/// small moves; chosen, not measured.
-const NEAR_M: f64 = 2.0 * TICK_WAY_M;
+/// So near to the start what would stop a truck is all that has to be free before one that is held up, in m: it begins
+/// two small moves there; chosen, not measured.
+const NEAR_M: f64 = 1.5 * TICK_WAY_M;
 // A robot takes a path that grazes something on its own map as little as this.
 const _: () = assert!(-BODY_MARGINS_M[4] < GRAZE_M);
 
@@ -80,17 +80,18 @@ type Seen = (u32, u32, f64);
 pub(super) fn search(task: &Task<'_>, most: u32, left: &mut u32) -> Result<Vec<Leg>, Stuck> {
     let mut budget = most.min(*left);
     *left -= budget;
-    let mut look = |task: &Task<'_>, grain| Search::new(task, grain, LOOK_OUT_M)?.run(&mut budget);
-    let mut found = look(task, &COARSE);
+    let mut look =
+        |task: &Task<'_>, grain, first_look_m| Search::new(task, grain, first_look_m)?.run(&mut budget);
+    let mut found = look(task, &COARSE, LOOK_OUT_M);
     let things: Vec<Other<'_>> = task.others.iter().filter(|other| other.is_thing).copied().collect();
     let alone = Task { others: &things, ..*task };
     if found == Err(Stuck::Nowhere)
-        && (things.len() == task.others.len() || look(&alone, &COARSE) == Err(Stuck::Nowhere))
+        && (things.len() == task.others.len() || look(&alone, &COARSE, LOOK_OUT_M) == Err(Stuck::Nowhere))
     {
-        found = look(task, &FINE);
-    }
-    if found == Err(Stuck::Nowhere) && !things.is_empty() {
-        found = Search::new(task, &FINE, INFRARED_STOPS_M)?.run(&mut budget);
+        found = look(task, &FINE, LOOK_OUT_M);
+        if found == Err(Stuck::Nowhere) && !things.is_empty() {
+            found = look(task, &FINE, INFRARED_STOPS_M);
+        }
     }
     *left += budget;
     found
@@ -261,7 +262,9 @@ impl<'a> Search<'a> {
             for tick in 1..=ticks {
                 let there = piece.after(&pose, piece.length_m * f64::from(tick) / f64::from(ticks));
                 let (body, look) = (Rect::body(car, &there), Rect::looking(car, &before, gear));
-                if !room.is_free(&body, self.body_margin_m) || !self.looks_free(&look, &before, gear) {
+                if !room.is_free(&body, self.body_margin_m)
+                    || !self.looks_free(&look, [&before, &there], gear)
+                {
                     return None;
                 }
                 sweep.push(Stand { body, look: Some(look) });
@@ -282,13 +285,14 @@ impl<'a> Search<'a> {
         Some((pose, gear, legs, extra))
     }
 
-    /// Whether nothing fixed is in the look-out of a truck that drives on from there.
-    fn looks_free(&self, look: &Rect, from: &MapPose, gear: f64) -> bool {
+    /// Whether nothing fixed is in the look-out of a truck that drives on from there; near the start neither there nor
+    /// where this leads is anything that would stop it.
+    fn looks_free(&self, look: &Rect, [from, to]: [&MapPose; 2], gear: f64) -> bool {
         let Task { car, room, start, .. } = self.task;
         let is_near = libm::hypot(from.x_m - start.x_m, from.y_m - start.y_m) < NEAR_M;
         if is_near && self.first_look_m < LOOK_OUT_M {
-            let least = Rect::looking_to(car, from, gear, self.first_look_m);
-            return room.is_free(&least, self.body_margin_m.min(0.0));
+            let least = [from, to].map(|pose| Rect::looking_to(car, pose, gear, self.first_look_m));
+            return least.iter().all(|look| room.is_free(look, self.body_margin_m.min(0.0)));
         }
         room.is_free(look, LOOK_MARGIN_M.min(self.body_margin_m))
     }
