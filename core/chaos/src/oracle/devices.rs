@@ -115,6 +115,8 @@ pub(super) struct Devices {
     taken_from_owner: bool,
     /// The stick was seen neutral since the agent's boot or since the board was lost.
     pub(super) stick_free: bool,
+    /// When it was so last.
+    at_rest: Option<Turn>,
 }
 
 impl Devices {
@@ -127,7 +129,9 @@ impl Devices {
     pub(super) fn reset(&mut self, now: Turn, held_sticks: bool) {
         // A selector that the agent has not seen yet is itself the new command.
         let manual = self.selected.0.is_some_and(|since| now - since > NOTICED);
-        self.stick_free &= !(held_sticks && manual);
+        // One that was at rest a moment ago: a frame of it may still come, after the reset.
+        let rests = self.at_rest.is_some_and(|at| now - at <= NOTICED);
+        self.stick_free &= !(held_sticks && manual) || rests;
         self.taken_from_owner = false;
     }
 
@@ -136,11 +140,14 @@ impl Devices {
         let frozen = |fault| fault == LineFault::Frozen;
         let dead = |fault| !matches!(fault, LineFault::None | LineFault::Lossy(_) | LineFault::Frozen);
         let board = self.board.update(now, dead(truth.board_line) || !truth.plugged[0]) > LINE;
-        let board_frozen = self.board_frozen.update(now, frozen(truth.board_line)) > FROZEN;
+        // A device that is unplugged repeats nothing: that it does shows some time after it is plugged in.
+        let board_repeats = truth.plugged[0] && frozen(truth.board_line);
+        let board_frozen = self.board_frozen.update(now, board_repeats) > FROZEN;
         let gyro = self.gyro.update(now, dead(truth.gyro_line) || !truth.plugged[1]) > LINE;
         let hears_gyro = truth.turned && truth.plugged[1] && truth.gyro_line == LineFault::None;
-        let frozen = frozen(truth.gyro_line) || (hears_gyro && truth.sensors.gyro != GyroFault::None);
-        let gyro_frozen = self.gyro_frozen.update(now, frozen) > FROZEN;
+        let gyro_repeats = (truth.plugged[1] && frozen(truth.gyro_line))
+            || (hears_gyro && truth.sensors.gyro != GyroFault::None);
+        let gyro_frozen = self.gyro_frozen.update(now, gyro_repeats) > FROZEN;
         let sensors = self.sensors(now, truth);
         let measured = truth.hears() && !truth.sensors.battery_unmeasured && !truth.sensors.converter_frozen;
         let empty = self.empty.update(now, measured && truth.battery_v < EMPTY_V) > BATTERY;
@@ -198,6 +205,7 @@ impl Devices {
             self.stick_free = false;
         } else if may_be_heard && speed.abs() < NEUTRAL_STICK {
             self.stick_free = true;
+            self.at_rest = Some(now);
         }
         let off = self.off.update(now, !on) > STICKS;
         let manual = self.manual.update(now, selector_manual && heard);
