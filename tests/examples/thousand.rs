@@ -16,6 +16,7 @@ use rustix::param::clock_ticks_per_second;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -181,7 +182,9 @@ async fn measure(robots: usize, work: Work) -> Result<Row> {
 
     let (list_s, list_code) = run(&endpoint, &["list"], TIMES).await?;
     let (page_s, look_s) = page(&endpoint, robots).await?;
-    worker.abort();
+    // What is on its way to the robots would begin after the stop.
+    fleet.is_over.store(true, Ordering::Relaxed);
+    worker.await?;
     let at = Instant::now();
     let stopping = tokio::spawn({
         let endpoint = endpoint.clone();
@@ -235,6 +238,8 @@ struct Witness {
     me: Name,
     roster: Roster,
     heard: Arc<Mutex<Heard>>,
+    /// Nobody is sent anywhere any more.
+    is_over: AtomicBool,
     _subscriptions: [Subscription; 2],
 }
 
@@ -273,10 +278,18 @@ impl Witness {
         ];
         let rosters = bus.get(&keys.sim_roster(), ASK_WITHIN).await?;
         let roster = rosters.first().ok_or("no roster")?.decode::<Roster>()?;
-        Ok(Self { bus, keys, me: name("thousand"), roster, heard, _subscriptions: subscriptions })
+        Ok(Self {
+            bus,
+            keys,
+            me: name("thousand"),
+            roster,
+            heard,
+            is_over: AtomicBool::new(false),
+            _subscriptions: subscriptions,
+        })
     }
 
-    /// Gives all robots something to do, and those that have done it something new, until it is aborted.
+    /// Gives all robots something to do, and those that have done it something new, until it is over.
     async fn employ(self: Arc<Self>, work: Work) {
         for round in 0.. {
             let mut asking = JoinSet::new();
@@ -288,15 +301,21 @@ impl Witness {
                 asking.spawn(async move { fleet.send(index, work, round).await });
             }
             while asking.join_next().await.is_some() {}
-            if work == Work::Wander {
-                return std::future::pending().await;
+            let rested = Instant::now() + SETTLE;
+            while work == Work::Wander || Instant::now() < rested {
+                if self.is_over.load(Ordering::Relaxed) {
+                    return;
+                }
+                tokio::time::sleep(LOOK_EVERY).await;
             }
-            tokio::time::sleep(SETTLE).await;
         }
     }
 
     /// Sends a robot on its way.
     async fn send(&self, index: usize, work: Work, round: usize) {
+        if self.is_over.load(Ordering::Relaxed) {
+            return;
+        }
         let (on_link_loss, finish_s) = (LinkLoss::Finish, 3600.0);
         let robots = &self.roster.robots;
         // In pairs; one that has no neighbour goes home.

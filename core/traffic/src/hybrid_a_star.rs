@@ -75,13 +75,15 @@ impl<N> Tree<N> {
         chain
     }
 
-    /// The goal that is found first; every node that is expanded counts one down in `budget`.
+    /// The goal that is found first; every node that is expanded counts one down in `budget`. With more of it the
+    /// search goes on.
     pub(crate) fn search(&mut self, kind: &mut impl Expand<Node = N>, budget: &mut u32) -> Result<u32, End> {
-        while let Some(Reverse((_, index))) = self.open.pop() {
+        while let Some(&Reverse((_, index))) = self.open.peek() {
             if kind.is_goal(self.node(index)) {
                 return Ok(index);
             }
             *budget = budget.checked_sub(1).ok_or(End::Budget)?;
+            self.open.pop();
             self.expanded += 1;
             kind.expand(self, index);
         }
@@ -124,5 +126,10 @@ mod tests {
         assert_eq!(search(1, 1000), Ok(vec![1, 2, 4, 5, 10]));
         assert_eq!(search(1, 3), Err(End::Budget));
         assert_eq!(search(11, 3), Err(End::Nowhere));
+        // In two parts as in one.
+        tree.plant((1, 0), 0);
+        assert_eq!(tree.search(&mut Numbers(10), &mut 3), Err(End::Budget));
+        let goal = tree.search(&mut Numbers(10), &mut 1000).unwrap();
+        assert_eq!(tree.chain(goal).iter().map(|node| node.0).collect::<Vec<_>>(), [1, 2, 4, 5, 10]);
     }
 }

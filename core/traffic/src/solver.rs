@@ -42,6 +42,7 @@ mod search;
 mod table;
 #[cfg(test)]
 mod tests;
+mod time_to_go;
 
 pub use check::{Fault, check};
 pub use order::{Precedence, precedences};

@@ -209,7 +209,12 @@ impl CostToGo {
     /// A pose's square, in the table.
     #[inline]
     fn square(&self, spot: &Spot) -> Option<usize> {
-        let (column, row) = self.lattice.cell(spot.x, spot.y);
+        self.square_at(spot.x, spot.y)
+    }
+
+    #[inline]
+    fn square_at(&self, x: f64, y: f64) -> Option<usize> {
+        let (column, row) = self.lattice.cell(x, y);
         let (column, row) = (column.wrapping_sub(self.corner.0), row.wrapping_sub(self.corner.1));
         (column < self.size.0 && row < self.size.1).then(|| row * self.size.0 + column)
     }
@@ -217,6 +222,16 @@ impl CostToGo {
     #[inline]
     fn slot(&self, spot: &Spot) -> Option<usize> {
         self.square(spot).map(|square| square * self.sectors + self.sector(spot))
+    }
+
+    /// Side of a square.
+    pub(crate) fn side_m(&self) -> f64 {
+        self.lattice.side
+    }
+
+    /// Steps from the square that a point lies in, with the best heading; `u16::MAX` where no way leads to the goal.
+    pub(crate) fn least(&self, x: f64, y: f64) -> u16 {
+        self.square_at(x, y).map_or(NEVER, |square| self.least[square])
     }
 
     /// Steps from a pose to the goal, by the flood's coarse measure; `None` where no way leads there.

@@ -87,7 +87,7 @@ impl Instance {
 
     /// Between two cars, in m.
     #[inline]
-    fn margin(&self, a: usize, b: usize) -> f64 {
+    pub(crate) fn margin(&self, a: usize, b: usize) -> f64 {
         self.margins[a * self.drivers.len() + b]
     }
 

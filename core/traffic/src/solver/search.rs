@@ -11,7 +11,8 @@ use super::driver::Driver;
 use super::instance::Instance;
 use super::motion::{Spot, WAIT};
 use super::table::{Table, Track};
-use crate::hybrid_a_star::{Expand, Tree};
+use super::time_to_go::TimeToGo;
+use crate::hybrid_a_star::{End, Expand, Tree};
 use xtb_nav::Piece;
 
 /// Cost of a step; the other costs are parts of it, chosen, not measured.
@@ -32,6 +33,10 @@ const SHOT_EVERY: u32 = 4;
 const SHOT_DETOUR: u32 = 4;
 /// Steps in each other's way that are counted when a goal is taken for good; chosen, not measured.
 const MOST_CLASHES: u32 = 16;
+/// Nodes after which a search computes when the others let it through, and begins anew, …
+const BLIND_NODES: u32 = 200;
+/// … unless that takes more than such a part of the time that it has; both chosen, not measured.
+const WORTH: u32 = 4;
 
 /// What another car is to the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -104,26 +109,60 @@ pub(crate) struct Search {
     last: Vec<Vec<Piece>>,
     /// Steps of contact with soft cars from each step on, for who stands at the goal.
     at_goal: Vec<u32>,
+    time_to_go: TimeToGo,
 }
 
 impl Search {
     pub(crate) fn new() -> Self {
-        Self { tree: Tree::new(), closed: Closed::default(), last: Vec::new(), at_goal: Vec::new() }
+        Self {
+            tree: Tree::new(),
+            closed: Closed::default(),
+            last: Vec::new(),
+            at_goal: Vec::new(),
+            time_to_go: TimeToGo::default(),
+        }
     }
 
     /// A track to the goal, or `None`: there is none, or the nodes are used up.
     pub(crate) fn run(&mut self, instance: &Instance, table: &Table<'_>, query: &Query<'_>) -> Option<Track> {
-        let Self { tree, closed, last, at_goal } = self;
+        let Self { tree, closed, last, at_goal, time_to_go } = self;
         closed.clear();
         last.clear();
         let (driver, clash) = (&instance.drivers[query.me], query.manner.clash_steps * STEP);
-        let mut world = World { instance, table, query, driver, closed, last, at_goal, clash, goal_opens: 0 };
+        let mut world = World {
+            instance,
+            table,
+            query,
+            driver,
+            closed,
+            last,
+            at_goal,
+            time_to_go: None,
+            clash,
+            goal_opens: 0,
+        };
         world.goal_opens = world.goal_opens()?;
         let (spot, to_go) = (driver.start, u32::from(driver.to_goal.steps(&driver.start)?));
         let square = instance.lattice.square(spot.x, spot.y) as u32;
         let root = Node { spot, piece: WAIT, step: 0, extra: 0, to_go, gear: 0, square, last: None };
         tree.plant(root, world.estimate(&root));
-        let goal = tree.search(&mut world, &mut { query.manner.most_nodes }).ok()?;
+        let most = query.manner.most_nodes;
+        let price = time_to_go.measure(instance, table, query, world.goal_opens);
+        let pays = price.is_some_and(|nodes| nodes <= most / WORTH);
+        let blind = if pays { BLIND_NODES.min(most) } else { most };
+        let mut found = tree.search(&mut world, &mut { blind });
+        if found == Err(End::Budget) && most > blind {
+            time_to_go.fill(instance, table, query, world.goal_opens);
+            // Otherwise the others do not hold it up.
+            if time_to_go.at(square as usize, 0) > to_go {
+                world.time_to_go = Some(time_to_go);
+                world.closed.clear();
+                world.last.clear();
+                tree.plant(root, world.estimate(&root));
+            }
+            found = tree.search(&mut world, &mut (most - blind));
+        }
+        let goal = found.ok()?;
         let chain = tree.chain(goal);
         let mut way: Vec<Piece> = chain[1..chain.len() - 1].iter().map(|node| node.piece).collect();
         way.extend(chain[chain.len() - 1].last.iter().flat_map(|&last| &world.last[last as usize]));
@@ -140,6 +179,8 @@ struct World<'a> {
     closed: &'a mut Closed,
     last: &'a mut Vec<Vec<Piece>>,
     at_goal: &'a mut Vec<u32>,
+    /// Around the others, if that was computed.
+    time_to_go: Option<&'a TimeToGo>,
     /// Cost of a step of contact with a soft car.
     clash: u32,
     /// The step from which on the goal can be kept.
@@ -211,7 +252,9 @@ fn driving(gear: i8, before: i8) -> u32 {
 
 impl World<'_> {
     fn estimate(&self, node: &Node) -> u64 {
-        let reach = node.step * STEP + node.to_go * STEP * self.query.manner.heuristic_weight / 100;
+        let around = self.time_to_go.map_or(0, |it| it.at(node.square as usize, node.step as usize));
+        let to_go = node.to_go.max(around);
+        let reach = node.step * STEP + to_go * STEP * self.query.manner.heuristic_weight / 100;
         ranked(node.extra + reach.max(self.goal_opens * STEP), node.to_go)
     }
 

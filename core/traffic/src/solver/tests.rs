@@ -183,23 +183,31 @@ fn on_a_large_floor_the_way_around_a_long_wall_is_found() {
 }
 
 #[test]
-fn five_trucks_drive_through_a_door_of_a_metre() {
+fn five_trucks_drive_through_a_door_of_a_metre_wherever_they_come_from() {
     /// Searches that take a quarter of 2 s on one core.
     const BUDGET: usize = 40;
     // The trucks' own measures, with 0.27 m of look-out at both ends.
     let car = Car { front_m: 0.52, rear_m: 0.52, half_width_m: 0.2, radius_m: 0.39, gears: Gears::BOTH };
     let walls = vec![block(0.0, 3.95, 3.5, 4.05), block(4.5, 3.95, 8.0, 4.05)];
-    let task = |i: u32| {
-        let aside = f64::from(i) * 1.2 - 2.4;
-        let (start, goal) = (pose(4.0 + aside, 2.0, FRAC_PI_2), pose(4.0 - aside, 6.0, FRAC_PI_2));
-        Task { name: format!("xtb-{i}"), car, start, goal }
-    };
-    let cars = (0..5).map(task).collect();
-    let problem = Problem { cars, step_m: 0.273, by_order: true, ..room(8.0, 8.0, walls, &[]) };
-    let settings = Settings { priorities_first: false, ..Settings::default() };
-    let solver = Solver::new(&problem, &mut patience(1_000)).unwrap();
-    let schedule = solver.solve(&settings, &mut patience(BUDGET)).unwrap();
-    assert_eq!(check(&problem, &schedule), Ok(()));
+    for from_north in 0..=2 {
+        let task = |i: u32| {
+            let aside = f64::from(i) * 1.2 - 2.4;
+            let yaw_rad = if i < from_north { -FRAC_PI_2 } else { FRAC_PI_2 };
+            let (south, north) = (pose(4.0 + aside, 2.0, yaw_rad), pose(4.0 - aside, 6.0, yaw_rad));
+            let (start, goal) = if i < from_north { (north, south) } else { (south, north) };
+            Task { name: format!("xtb-{i}"), car, start, goal }
+        };
+        let cars = (0..5).map(task).collect();
+        let problem = Problem { cars, step_m: 0.273, by_order: true, ..room(8.0, 8.0, walls.clone(), &[]) };
+        let solver = Solver::new(&problem, &mut patience(1_000)).unwrap();
+        for priorities_first in [true, false] {
+            let settings = Settings { priorities_first, ..Settings::default() };
+            let schedule = solver.solve(&settings, &mut patience(BUDGET));
+            let schedule =
+                schedule.unwrap_or_else(|error| panic!("{from_north}, {priorities_first}: {error}"));
+            assert_eq!(check(&problem, &schedule), Ok(()));
+        }
+    }
 }
 
 #[test]

@@ -1,0 +1,169 @@
+//! How many steps it takes to a goal from anywhere and any step, around the tracks of the others: the heuristic of a
+//! search that has to wait. Without it all ways of passing the time promise the same.
+//!
+//! Backwards in time from when the others stand for good, on the search's squares, for a disc as wide as the car is
+//! long that moves in any direction: cars that meet at a door wait at its ends for each other, not beside each other.
+//! How a car turns is in the [cost to go](super::cost_to_go), below which it never is. It is an estimate and no bound:
+//! where two cars have room beside each other it may be too long.
+
+use super::instance::Instance;
+use super::search::{Query, Rank};
+use super::table::Table;
+
+/// No way.
+const NEVER: u16 = u16::MAX;
+/// Steps that a step in the place of a car is taken for that cannot be passed: finite, as who stands very close to it
+/// has to get away. Chosen; 10 and 1,000 find schedules at a door as soon.
+const HARD_STEPS: u16 = 40;
+/// Most squares times steps: 32 MiB of memory. Chosen, not measured.
+const MOST: usize = 16 << 20;
+/// So many of them are filled in the time that a node of a search takes, roughly.
+const A_NODE: usize = 2_000;
+
+/// Steps to one goal, by step and square; kept from one search to the next for its memory.
+#[derive(Debug, Default)]
+pub(crate) struct TimeToGo {
+    /// One layer after the other, each with a frame of squares where nobody can be.
+    steps: Vec<u16>,
+    /// Squares of a layer, along a row of it, and of its frame.
+    layer: usize,
+    along: usize,
+    frame: usize,
+    columns: usize,
+    last: usize,
+    /// Of one layer: what a step there costs beyond itself, and the cost to go.
+    costs: Vec<u16>,
+    least: Vec<u16>,
+}
+
+impl TimeToGo {
+    /// Takes the measures of the floor, for a goal that can be kept from `goal_opens` on. What [`Self::fill`] will take
+    /// in nodes of a search; `None` if that is too much, or if the cost to go is on other squares.
+    pub(crate) fn measure(
+        &mut self,
+        instance: &Instance,
+        table: &Table<'_>,
+        query: &Query<'_>,
+        goal_opens: u32,
+    ) -> Option<u32> {
+        let (lattice, driver) = (&instance.lattice, &instance.drivers[query.me]);
+        self.frame = (instance.step / lattice.side + 0.5) as usize;
+        self.columns = lattice.columns;
+        self.along = lattice.columns + 2 * self.frame;
+        self.layer = self.along * (lattice.rows + 2 * self.frame);
+        self.last = table.steps().max(goal_opens as usize).min(instance.horizon - 1);
+        let squares = self.layer * (self.last + 1);
+        (squares <= MOST && driver.to_goal.side_m() == lattice.side).then_some((squares / A_NODE) as u32)
+    }
+
+    /// Looks from the goal, with the measures that were taken.
+    pub(crate) fn fill(
+        &mut self,
+        instance: &Instance,
+        table: &Table<'_>,
+        query: &Query<'_>,
+        goal_opens: u32,
+    ) {
+        let (lattice, driver) = (&instance.lattice, &instance.drivers[query.me]);
+        self.least.clear();
+        self.least.resize(self.layer, NEVER);
+        for square in 0..lattice.squares() {
+            let [x, y] = lattice.middle(square % lattice.columns, square / lattice.columns);
+            let slot = self.slot(square);
+            self.least[slot] = driver.to_goal.least(x, y);
+        }
+        let goal = self.slot(lattice.square(driver.goal.x_m, driver.goal.y_m));
+        self.least[goal] = 0;
+        self.steps.clear();
+        self.steps.resize(self.layer * (self.last + 1), NEVER);
+        let offsets = self.offsets(instance.step / lattice.side + 0.5);
+        let (mut later, mut now) = (vec![NEVER; self.layer], vec![NEVER; self.layer]);
+        later[goal] = 0;
+        for step in (0..=self.last).rev() {
+            self.weigh(instance, table, query, step);
+            loop {
+                self.step_back(&offsets, &later, &mut now);
+                if step >= goal_opens as usize {
+                    now[goal] = 0;
+                }
+                // Once the others stand, as long as something becomes less.
+                let is_settled = step < self.last || now == later;
+                std::mem::swap(&mut now, &mut later);
+                if is_settled {
+                    break;
+                }
+            }
+            self.steps[step * self.layer..][..self.layer].copy_from_slice(&later);
+        }
+    }
+
+    /// Steps from a square in a step; many where no way leads.
+    #[inline]
+    pub(crate) fn at(&self, square: usize, step: usize) -> u32 {
+        u32::from(self.steps[step.min(self.last) * self.layer + self.slot(square)])
+    }
+
+    #[inline]
+    fn slot(&self, square: usize) -> usize {
+        (square / self.columns + self.frame) * self.along + square % self.columns + self.frame
+    }
+
+    /// To the squares that a step leads to.
+    fn offsets(&self, far: f64) -> Vec<isize> {
+        let frame = self.frame as isize;
+        let square = |i: isize| (-frame..=frame).map(move |j| (i, j));
+        let near = |&(i, j): &(isize, isize)| libm::hypot(i as f64, j as f64) <= far;
+        (-frame..=frame)
+            .flat_map(square)
+            .filter(near)
+            .map(|(row, column)| row * self.along as isize + column)
+            .collect()
+    }
+
+    /// One step earlier: from what `later` says to `now`.
+    fn step_back(&self, offsets: &[isize], later: &[u16], now: &mut [u16]) {
+        now.fill(NEVER);
+        let border = self.frame * self.along + self.frame;
+        let inner = border..self.layer - border;
+        for offset in offsets {
+            let from = (inner.start as isize + offset) as usize;
+            let there = &later[from..from + inner.len()];
+            for (now, there) in now[inner.clone()].iter_mut().zip(there) {
+                *now = (*now).min(*there);
+            }
+        }
+        for ((now, cost), least) in now.iter_mut().zip(&self.costs).zip(&self.least) {
+            *now = now.saturating_add(1).saturating_add(*cost).max(*least);
+        }
+    }
+
+    /// What the others make of the squares in a step.
+    fn weigh(&mut self, instance: &Instance, table: &Table<'_>, query: &Query<'_>, step: usize) {
+        let lattice = &instance.lattice;
+        let mine = instance.drivers[query.me].body.half_length();
+        let mut costs = std::mem::take(&mut self.costs);
+        costs.clear();
+        costs.resize(self.layer, 0);
+        for (other, rank) in query.ranks.iter().enumerate() {
+            let cost = match rank {
+                Rank::Ignored => continue,
+                Rank::Soft => query.manner.clash_steps as u16,
+                Rank::Hard => HARD_STEPS,
+            };
+            let Some(track) = table.track(other).filter(|_| other != query.me) else { continue };
+            let (body, spot) = (&instance.drivers[other].body, track.at(step).0);
+            let far = mine + instance.margin(query.me, other) - lattice.side / 2.0;
+            let ([x, y], around) = (body.centre(spot), body.reach + far);
+            let (low, high) = (lattice.cell(x - around, y - around), lattice.cell(x + around, y + around));
+            for row in low.1..=high.1 {
+                for column in low.0..=high.0 {
+                    if body.gap_m(spot, lattice.middle(column, row)) < far {
+                        let slot = &mut costs[self.slot(row * lattice.columns + column)];
+                        *slot = slot.saturating_add(cost);
+                    }
+                }
+            }
+        }
+        self.costs = costs;
+    }
+}
