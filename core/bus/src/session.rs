@@ -19,6 +19,10 @@ pub const LINK_LEASE: Duration = Duration::from_millis(2000);
 /// Sessions that a router takes: a thousand robots, those who look at them, and as many again that are about to be
 /// found dead. Zenoh's own limit is 1,000.
 const MOST_SESSIONS: usize = 2048;
+/// What the system keeps of a link in each direction, in bytes (Linux: twice that, with its own overhead). What does not
+/// fit waits in Zenoh's queues, where a stop overtakes states and old states are dropped; left to itself the system
+/// keeps megabytes, in their order. Chosen: 10 Mbit/s over a link of 50 ms.
+const SOCKET_BUFFER: u32 = 64 * 1024;
 /// Longest message that is taken in, in bytes: twice the longest of ours. Of a longer one the rest is thrown
 /// away as it comes, and the link stays. (Zenoh's own limit is 1 GiB.)
 const MAX_MESSAGE: usize = 8 * 1024 * 1024;
@@ -143,6 +147,10 @@ impl Role {
             ("transport/link/tx/keep_alive", "4".into()),
             ("transport/link/rx/max_message_size", MAX_MESSAGE.to_string()),
             ("transport/unicast/max_sessions", MOST_SESSIONS.to_string()),
+            ("transport/link/tcp/so_sndbuf", SOCKET_BUFFER.to_string()),
+            ("transport/link/tcp/so_rcvbuf", SOCKET_BUFFER.to_string()),
+            ("transport/link/tls/so_sndbuf", SOCKET_BUFFER.to_string()),
+            ("transport/link/tls/so_rcvbuf", SOCKET_BUFFER.to_string()),
         ];
         if !matches!(self, Self::Peer { .. }) {
             settings.push(("listen/endpoints", format!("{listen:?}")));
