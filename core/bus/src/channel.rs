@@ -68,6 +68,7 @@ pub(crate) fn priority(channel: &Channel) -> ZenohPriority {
     match channel.qos().priority {
         Priority::RealTime => ZenohPriority::RealTime,
         Priority::InteractiveHigh => ZenohPriority::InteractiveHigh,
+        Priority::InteractiveLow => ZenohPriority::InteractiveLow,
         Priority::DataHigh => ZenohPriority::DataHigh,
         Priority::Data => ZenohPriority::Data,
         Priority::DataLow => ZenohPriority::DataLow,

@@ -248,29 +248,36 @@ impl Bus {
         bytes: Vec<u8>,
         within: Duration,
     ) -> Result<Option<Incoming>, BusError> {
-        Ok(self.ask_lingering(key, encoding, bytes, within, Duration::ZERO).await?.into_iter().next())
+        let answers = self.ask_lingering(key, (encoding, bytes), None, within, Duration::ZERO).await?;
+        Ok(answers.into_iter().next())
     }
 
-    /// All answers that come within `linger` of the first one.
+    /// All answers that come within `linger` of the first one; question and answers as the channel is to be treated,
+    /// or as Zenoh does by default.
     async fn ask_lingering(
         &self,
         key: &str,
-        encoding: &str,
-        bytes: Vec<u8>,
+        (encoding, bytes): (&str, Vec<u8>),
+        channel: Option<&Channel>,
         within: Duration,
         linger: Duration,
     ) -> Result<Vec<Incoming>, BusError> {
         let (inlet, mut replies) = answers(key);
-        self.session
+        let question = self
+            .session
             .get(key)
             .payload(bytes)
             .encoding(encoding)
             .target(QueryTarget::All)
-            .consolidation(ConsolidationMode::None)
-            .timeout(within)
-            .callback(inlet)
-            .await
-            .map_err(failed("request", key))?;
+            .consolidation(ConsolidationMode::None);
+        let question = match channel {
+            Some(channel) => question
+                .congestion_control(congestion(channel))
+                .priority(priority(channel))
+                .express(channel.qos().express),
+            None => question,
+        };
+        question.timeout(within).callback(inlet).await.map_err(failed("request", key))?;
         let mut answers = Vec::new();
         let mut until = tokio::time::Instant::now() + within;
         while let Ok(Some(reply)) = tokio::time::timeout_at(until, replies.recv()).await {
@@ -317,7 +324,8 @@ impl Bus {
         let key = robot.cmd(Some(client));
         let bytes = codec::encode(request, Format::Postcard)?;
         let encoding = codec::encoding::<Request>(Format::Postcard);
-        let answers = self.ask_lingering(&key, &encoding, bytes, within, linger).await?;
+        let channel = Channel::Cmd(client.clone());
+        let answers = self.ask_lingering(&key, (&encoding, bytes), Some(&channel), within, linger).await?;
         answers.iter().map(|answer| Ok(answer.decode()?)).collect()
     }
 }

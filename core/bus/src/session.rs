@@ -20,8 +20,8 @@ pub const LINK_LEASE: Duration = Duration::from_millis(2000);
 /// found dead. Zenoh's own limit is 1,000.
 const MOST_SESSIONS: usize = 2048;
 /// What the system keeps of a link in each direction, in bytes (Linux: twice that, with its own overhead). What does not
-/// fit waits in Zenoh's queues, where a stop overtakes states and old states are dropped; left to itself the system
-/// keeps megabytes, in their order. Chosen: 10 Mbit/s over a link of 50 ms.
+/// fit waits in Zenoh's queues, where stops and commands overtake states; by default the system keeps megabytes, in
+/// their order. Chosen: 10 Mbit/s with round trips of 50 ms.
 const SOCKET_BUFFER: u32 = 64 * 1024;
 /// Longest message that is taken in, in bytes: twice the longest of ours. Of a longer one the rest is thrown
 /// away as it comes, and the link stays. (Zenoh's own limit is 1 GiB.)

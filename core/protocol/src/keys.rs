@@ -27,9 +27,11 @@ pub enum Priority {
     RealTime,
     /// Setpoints.
     InteractiveHigh,
+    /// Commands to robots.
+    InteractiveLow,
     /// State.
     DataHigh,
-    /// Requests, events: what other clients use by default.
+    /// Other requests, events: what other clients use by default.
     Data,
     /// Raw samples.
     DataLow,
@@ -63,6 +65,8 @@ impl Qos {
     const ESTOP: Self = Self::new(Congestion::Block, Priority::RealTime, true);
     /// Steers by hand.
     const SETPOINT: Self = Self::new(Congestion::Drop, Priority::InteractiveHigh, true);
+    /// Never dropped, and not kept waiting by states that come again and again: a stop is one.
+    const COMMAND: Self = Self::new(Congestion::Block, Priority::InteractiveLow, true);
     /// Never dropped.
     const RELIABLE: Self = Self::new(Congestion::Block, Priority::Data, true);
 }
@@ -215,7 +219,7 @@ channels! {
     }
     robot by client { // xtb/<fleet>/<robot>/…/<client>, so that identities can be bound to it one day
         /// [`Request`](crate::messages::Request) → [`Reply`](crate::messages::Reply).
-        Cmd: cmd, CMD, "cmd", RELIABLE;
+        Cmd: cmd, CMD, "cmd", COMMAND;
         /// [`ParamRequest`](crate::messages::ParamRequest) → [`ParamReply`](crate::messages::ParamReply): settings
         /// that may change while the robot runs.
         Param: param, PARAM, "param", RELIABLE;

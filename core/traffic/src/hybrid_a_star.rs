@@ -127,9 +127,13 @@ mod tests {
         assert_eq!(search(1, 3), Err(End::Budget));
         assert_eq!(search(11, 3), Err(End::Nowhere));
         // In two parts as in one.
-        tree.plant((1, 0), 0);
-        assert_eq!(tree.search(&mut Numbers(10), &mut 3), Err(End::Budget));
-        let goal = tree.search(&mut Numbers(10), &mut 1000).unwrap();
-        assert_eq!(tree.chain(goal).iter().map(|node| node.0).collect::<Vec<_>>(), [1, 2, 4, 5, 10]);
+        let mut in_parts = |parts: &[u32]| {
+            tree.plant((1, 0), 0);
+            let mut found = Err(End::Nowhere);
+            parts.iter().for_each(|&part| found = tree.search(&mut Numbers(10), &mut { part }));
+            (found, tree.expanded, tree.nodes.len())
+        };
+        assert_eq!(in_parts(&[3, 1000]), in_parts(&[1003]));
+        assert_eq!(in_parts(&[1, 1, 1000]), in_parts(&[1002]));
     }
 }

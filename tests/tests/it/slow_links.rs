@@ -54,10 +54,10 @@ async fn a_goal_that_a_gap_in_the_network_ended_points_to_the_policy_for_such_ga
 
 /// What the network has not carried yet waits in Zenoh's queues, by priority, and not in the system's buffers, in order.
 #[tokio::test(flavor = "multi_thread")]
-async fn an_emergency_stop_overtakes_what_a_narrow_link_has_not_carried_yet() {
-    /// Of states, in a second more than half a minute of the link.
-    const STATES: usize = 1000;
+async fn stops_and_commands_overtake_states_that_a_narrow_link_cannot_carry() {
     const STATE_BYTES: usize = 8 * 1024;
+    /// Sent at once: 16 s of the link.
+    const BACKLOG: usize = 500;
     /// Two seconds of the link.
     const MOST_BEFORE: usize = 512 * 1024;
     let router = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
@@ -65,30 +65,47 @@ async fn an_emergency_stop_overtakes_what_a_narrow_link_has_not_carried_yet() {
     let endpoint = router.locators().await.remove(0);
     let link = SlowLink::open(&endpoint, LinkQuality::throttled(2_000_000), 5).await;
     let robot = xtb_bus::open(&Role::Client { connect: vec![link.endpoint().to_owned()] }).await.unwrap();
-    let keys = FleetKeys::new(name("lab"));
-    let (state, stop) = (keys.robot(&name("xtb-2")).state(), keys.estop_all(Some(&name("lena"))));
-    let arrived = Arc::<Mutex<(usize, bool)>>::default();
-    let (states, stops) = (arrived.clone(), arrived.clone());
-    let hear = move |incoming: Incoming| {
-        let mut arrived = states.lock().unwrap();
-        arrived.0 += if arrived.1 { 0 } else { incoming.payload.len() };
-    };
+    let (fleet, client) = (FleetKeys::new(name("lab")), name("lena"));
+    let state = fleet.robot(&name("xtb-2")).state();
+    let urgent = [
+        (fleet.estop_all(Some(&client)), Channel::EstopAll(client.clone())),
+        (fleet.robot(&name("xtb-1")).cmd(Some(&client)), Channel::Cmd(client.clone())),
+    ];
+    // Bytes of states so far, and how many there were before each of the two.
+    let arrived = Arc::<Mutex<(usize, [Option<usize>; 2])>>::default();
+    let states = arrived.clone();
+    let hear = move |incoming: Incoming| states.lock().unwrap().0 += incoming.payload.len();
     let _states = robot.subscribe_raw(&state, hear).await.unwrap();
-    let _stops = robot.subscribe_raw(&stop, move |_| stops.lock().unwrap().1 = true).await.unwrap();
-    let put = async |key: &str, channel: Channel, bytes: usize| {
-        router.put_raw(key, &channel, "zenoh/bytes", vec![7; bytes]).await.unwrap();
+    let mut subscriptions = Vec::new();
+    for (number, (key, _)) in urgent.iter().enumerate() {
+        let arrived = arrived.clone();
+        let hear = move |_| {
+            let mut arrived = arrived.lock().unwrap();
+            arrived.1[number] = Some(arrived.0);
+        };
+        subscriptions.push(robot.subscribe_raw(key, hear).await.unwrap());
+    }
+    let put = async |key: &str, channel: &Channel, bytes: usize| {
+        router.put_raw(key, channel, "zenoh/bytes", vec![7; bytes]).await.unwrap();
     };
     eventually("the robot listens", || async {
-        put(&state, Channel::State, 1).await;
+        put(&state, &Channel::State, 1).await;
         (arrived.lock().unwrap().0 > 0).then_some(())
     })
     .await;
-    for _ in 0..STATES {
-        put(&state, Channel::State, STATE_BYTES).await;
+    for _ in 0..BACKLOG {
+        put(&state, &Channel::State, STATE_BYTES).await;
     }
-    put(&stop, Channel::EstopAll(name("lena")), 1).await;
-    eventually("the stop", || async { arrived.lock().unwrap().1.then_some(()) }).await;
-    let before = arrived.lock().unwrap().0;
-    assert!(before < MOST_BEFORE, "{before} bytes of states came before the stop");
-    assert!(before > STATE_BYTES, "the link was not congested");
+    for (key, channel) in &urgent {
+        put(key, channel, 1).await;
+    }
+    let before = eventually("the stop and the command", || async {
+        // They keep coming: what has no priority over them never gets its turn.
+        put(&state, &Channel::State, STATE_BYTES).await;
+        let [stop, command] = arrived.lock().unwrap().1;
+        stop.zip(command)
+    })
+    .await;
+    assert!(before.0.max(before.1) < MOST_BEFORE, "{before:?} bytes of states came before");
+    assert!(before.0 > STATE_BYTES, "the link was not congested");
 }

@@ -78,7 +78,7 @@ pub(crate) const ANY: u32 = u32::MAX;
 pub(crate) struct Manner {
     /// Steps that it would rather lose than be in the way of a soft car for one.
     pub(crate) clash_steps: u32,
-    /// How much the heuristic is trusted, in percent; 100 finds the shortest way.
+    /// How much the heuristic is trusted, in percent; 100 finds the shortest way, unless others hold it up.
     pub(crate) heuristic_weight: u32,
     /// Nodes after which it gives up.
     pub(crate) most_nodes: u32,

@@ -1,34 +1,36 @@
 //! How many steps it takes to a goal from anywhere and any step, around the tracks of the others: the heuristic of a
 //! search that has to wait. Without it all ways of passing the time promise the same.
 //!
-//! Backwards in time from when the others stand for good, on the search's squares, for a disc as wide as the car is
-//! long that moves in any direction: cars that meet at a door wait at its ends for each other, not beside each other.
-//! How a car turns is in the [cost to go](super::cost_to_go), below which it never is. It is an estimate and no bound:
-//! where two cars have room beside each other it may be too long.
+//! Backwards in time from when the others stand for good, on the search's squares, for a disc around the car's reference
+//! point, as wide as the car is long, that moves in any direction: cars that meet at a door wait at its ends for each
+//! other, not beside each other. How a car turns is in the [cost to go](super::cost_to_go), below which it never is. It
+//! is an estimate and no bound: where two cars have room beside each other it may be too long.
 
+use super::cost_to_go::Grain;
 use super::instance::Instance;
 use super::search::{Query, Rank};
 use super::table::Table;
 
 /// No way.
 const NEVER: u16 = u16::MAX;
-/// Steps that a step in the place of a car is taken for that cannot be passed: finite, as who stands very close to it
-/// has to get away. Chosen; 10 and 1,000 find schedules at a door as soon.
+/// What a step in the place of a car that must not be met counts, in steps: finite, as who stands very close to it has
+/// to get away. Chosen; 10 and 1,000 find schedules at a door as soon.
 const HARD_STEPS: u16 = 40;
 /// Most squares times steps: 32 MiB of memory. Chosen, not measured.
 const MOST: usize = 16 << 20;
 /// So many of them are filled in the time that a node of a search takes, roughly.
 const A_NODE: usize = 2_000;
+/// Squares along an axis that a step may lead on: a step is two long, wherever in its square it begins.
+const FAR: usize = 2;
 
 /// Steps to one goal, by step and square; kept from one search to the next for its memory.
 #[derive(Debug, Default)]
 pub(crate) struct TimeToGo {
     /// One layer after the other, each with a frame of squares where nobody can be.
     steps: Vec<u16>,
-    /// Squares of a layer, along a row of it, and of its frame.
+    /// Squares of a layer, and along a row of it, with the frame; without it.
     layer: usize,
     along: usize,
-    frame: usize,
     columns: usize,
     last: usize,
     /// Of one layer: what a step there costs beyond itself, and the cost to go.
@@ -38,7 +40,7 @@ pub(crate) struct TimeToGo {
 
 impl TimeToGo {
     /// Takes the measures of the floor, for a goal that can be kept from `goal_opens` on. What [`Self::fill`] will take
-    /// in nodes of a search; `None` if that is too much, or if the cost to go is on other squares.
+    /// in nodes of a search; `None` if that is too much, on a floor with other squares, and if nobody is in the way.
     pub(crate) fn measure(
         &mut self,
         instance: &Instance,
@@ -47,13 +49,20 @@ impl TimeToGo {
         goal_opens: u32,
     ) -> Option<u32> {
         let (lattice, driver) = (&instance.lattice, &instance.drivers[query.me]);
-        self.frame = (instance.step / lattice.side + 0.5) as usize;
+        let usual = instance.step * Grain::COARSE.side;
+        let is_usual = lattice.side == usual && driver.to_goal.side_m() == usual;
+        let counts = |(car, rank): (usize, &Rank)| {
+            car != query.me && *rank != Rank::Ignored && table.track(car).is_some()
+        };
+        if !is_usual || !query.ranks.iter().enumerate().any(counts) {
+            return None;
+        }
         self.columns = lattice.columns;
-        self.along = lattice.columns + 2 * self.frame;
-        self.layer = self.along * (lattice.rows + 2 * self.frame);
+        self.along = lattice.columns + 2 * FAR;
+        self.layer = self.along * (lattice.rows + 2 * FAR);
         self.last = table.steps().max(goal_opens as usize).min(instance.horizon - 1);
         let squares = self.layer * (self.last + 1);
-        (squares <= MOST && driver.to_goal.side_m() == lattice.side).then_some((squares / A_NODE) as u32)
+        (squares <= MOST).then_some((squares / A_NODE) as u32)
     }
 
     /// Looks from the goal, with the measures that were taken.
@@ -76,65 +85,33 @@ impl TimeToGo {
         self.least[goal] = 0;
         self.steps.clear();
         self.steps.resize(self.layer * (self.last + 1), NEVER);
-        let offsets = self.offsets(instance.step / lattice.side + 0.5);
-        let (mut later, mut now) = (vec![NEVER; self.layer], vec![NEVER; self.layer]);
-        later[goal] = 0;
         for step in (0..=self.last).rev() {
             self.weigh(instance, table, query, step);
-            loop {
-                self.step_back(&offsets, &later, &mut now);
-                if step >= goal_opens as usize {
-                    now[goal] = 0;
-                }
-                // Once the others stand, as long as something becomes less.
-                let is_settled = step < self.last || now == later;
-                std::mem::swap(&mut now, &mut later);
-                if is_settled {
-                    break;
-                }
+            let (now, later) = self.steps[step * self.layer..].split_at_mut(self.layer);
+            if later.is_empty() {
+                now.copy_from_slice(&self.least);
+            } else {
+                earlier(self.along, &later[..self.layer], now);
             }
-            self.steps[step * self.layer..][..self.layer].copy_from_slice(&later);
+            for ((now, cost), least) in now.iter_mut().zip(&self.costs).zip(&self.least) {
+                *now = now.saturating_add(*cost).max(*least);
+            }
+            if step >= goal_opens as usize {
+                now[goal] = 0;
+            }
         }
     }
 
-    /// Steps from a square in a step; many where no way leads.
+    /// Steps from a square in a step; 0 where no way leads, of which the cost to go knows more.
     #[inline]
     pub(crate) fn at(&self, square: usize, step: usize) -> u32 {
-        u32::from(self.steps[step.min(self.last) * self.layer + self.slot(square)])
+        let steps = self.steps[step.min(self.last) * self.layer + self.slot(square)];
+        if steps == NEVER { 0 } else { u32::from(steps) }
     }
 
     #[inline]
     fn slot(&self, square: usize) -> usize {
-        (square / self.columns + self.frame) * self.along + square % self.columns + self.frame
-    }
-
-    /// To the squares that a step leads to.
-    fn offsets(&self, far: f64) -> Vec<isize> {
-        let frame = self.frame as isize;
-        let square = |i: isize| (-frame..=frame).map(move |j| (i, j));
-        let near = |&(i, j): &(isize, isize)| libm::hypot(i as f64, j as f64) <= far;
-        (-frame..=frame)
-            .flat_map(square)
-            .filter(near)
-            .map(|(row, column)| row * self.along as isize + column)
-            .collect()
-    }
-
-    /// One step earlier: from what `later` says to `now`.
-    fn step_back(&self, offsets: &[isize], later: &[u16], now: &mut [u16]) {
-        now.fill(NEVER);
-        let border = self.frame * self.along + self.frame;
-        let inner = border..self.layer - border;
-        for offset in offsets {
-            let from = (inner.start as isize + offset) as usize;
-            let there = &later[from..from + inner.len()];
-            for (now, there) in now[inner.clone()].iter_mut().zip(there) {
-                *now = (*now).min(*there);
-            }
-        }
-        for ((now, cost), least) in now.iter_mut().zip(&self.costs).zip(&self.least) {
-            *now = now.saturating_add(1).saturating_add(*cost).max(*least);
-        }
+        (square / self.columns + FAR) * self.along + square % self.columns + FAR
     }
 
     /// What the others make of the squares in a step.
@@ -166,4 +143,21 @@ impl TimeToGo {
         }
         self.costs = costs;
     }
+}
+
+/// What is `now` if it is `later` a step afterwards, wherever that leads.
+fn earlier(along: usize, later: &[u16], now: &mut [u16]) {
+    let inner = FAR * along + FAR..later.len() - FAR * along - FAR;
+    now.fill(NEVER);
+    for row in 0..=2 * FAR {
+        for column in 0..=2 * FAR {
+            // No step but one from corner to corner leads to the corners.
+            if row % (2 * FAR) == 0 && column % (2 * FAR) == 0 {
+                continue;
+            }
+            let there = &later[row * along + column..][..inner.len()];
+            now[inner.clone()].iter_mut().zip(there).for_each(|(now, there)| *now = (*now).min(*there));
+        }
+    }
+    now.iter_mut().for_each(|now| *now = now.saturating_add(1));
 }

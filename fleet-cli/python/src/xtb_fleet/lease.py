@@ -149,7 +149,9 @@ class Lease:
         if grant is None or self._retains.open >= RETAINS:
             return
         within = min(link.round_trip.patience(RETAIN_WITHIN_S), 4.0)
-        self._retains.ask(key, within, {"id": str(uuid.uuid4()), "lease": grant, "body": {"retain": {}}})
+        self._retains.ask(
+            key, within, {"id": str(uuid.uuid4()), "lease": grant, "body": {"retain": {}}}, COMMAND
+        )
 
     def _answered(self, answer: Answer, key: str) -> None:
         try:

@@ -47,6 +47,7 @@ class Qos:
 
 
 REQUEST = Qos(zenoh.CongestionControl.BLOCK, zenoh.Priority.DATA)
+COMMAND = Qos(zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_LOW)
 SETPOINT = Qos(zenoh.CongestionControl.DROP, zenoh.Priority.INTERACTIVE_HIGH)
 ESTOP = Qos(zenoh.CongestionControl.BLOCK, zenoh.Priority.REAL_TIME)
 
@@ -310,7 +311,7 @@ class Link:
         while (now := time.monotonic()) < give_up:
             if now >= next_ask and not replies:
                 if asking.open < IN_FLIGHT:
-                    asking.ask(key, give_up - now, message)
+                    asking.ask(key, give_up - now, message, COMMAND)
                     asked, sent_at = asked + 1, now
                 next_ask = now + again
             before = asking.open

@@ -17,7 +17,7 @@ from typing import Literal
 from . import wire
 from .errors import FleetError, Malformed
 from .keys import ANY
-from .link import ESTOP, Asking, Link
+from .link import COMMAND, ESTOP, Asking, Link
 from .messages import Request, RobotState
 from .streams import read_state
 
@@ -76,7 +76,7 @@ def stop(link: Link, robots: Iterable[str] | None, roster: Callable[[], list[str
     link.settings.may("control robots")
     if robots is None:  # everybody at once, before anybody knows who they are; who has confirmed is asked one by one
         stop_all: Request = {"id": str(uuid.uuid4()), "lease": None, "body": {"stop": {}}}
-        Asking(link).ask(link.keys.cmd(ANY), ANSWER_WITHIN_S, stop_all)
+        Asking(link).ask(link.keys.cmd(ANY), ANSWER_WITHIN_S, stop_all, COMMAND)
     return _each(link, robots, roster, lambda robot: _stop_one(link, robot))
 
 
