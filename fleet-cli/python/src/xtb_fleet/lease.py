@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from . import messages, wire
 from .errors import FleetError, Invalid, LeaseLost, Malformed
-from .link import Answer, Asking
+from .link import COMMAND, Answer, Asking
 
 if TYPE_CHECKING:
     from .robot import Robot
