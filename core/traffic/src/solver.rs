@@ -36,6 +36,7 @@ mod places;
 mod plans;
 mod priorities;
 mod problem;
+mod query;
 mod repair;
 mod schedule;
 mod search;

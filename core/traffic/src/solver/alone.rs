@@ -4,7 +4,8 @@ use super::Unsolved;
 use super::cost_to_go::Grain;
 use super::instance::{Instance, MOST_STEPS};
 use super::problem::Problem;
-use super::search::{ANY, Manner, Query, Rank, Search};
+use super::query::{ANY, Manner, Query, Rank};
+use super::search::Search;
 use super::table::{Table, WORD};
 
 /// For one car without the others: nearly its shortest way; chosen, not measured.

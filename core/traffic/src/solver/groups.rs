@@ -2,7 +2,7 @@
 //! Everybody outside of the group is a wall.
 
 use super::plans::Plans;
-use super::search::{ANY, Constraint, Manner, Rank};
+use super::query::{ANY, Constraint, Manner, Rank};
 use super::table::Track;
 use crate::conflicts::{self, Conflict};
 use std::rc::Rc;

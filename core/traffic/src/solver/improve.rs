@@ -4,8 +4,8 @@
 
 use super::cars::{Cars, bits};
 use super::plans::Plans;
+use super::query::{ANY, Manner, Rank};
 use super::repair;
-use super::search::{ANY, Manner, Rank};
 
 /// Cars of a neighbourhood at least …
 const FEWEST: usize = 2;

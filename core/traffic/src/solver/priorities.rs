@@ -3,7 +3,7 @@
 
 use super::cars::{Cars, bits};
 use super::plans::Plans;
-use super::search::{ANY, Manner, Rank};
+use super::query::{ANY, Manner, Rank};
 use super::table::Track;
 use std::rc::Rc;
 

@@ -8,7 +8,7 @@
 
 use super::cost_to_go::Grain;
 use super::instance::Instance;
-use super::search::{Query, Rank};
+use super::query::{Query, Rank};
 use super::table::Table;
 
 /// No way.
