@@ -49,15 +49,6 @@ impl Body {
         self.half_length
     }
 
-    /// From the body to a point.
-    pub(crate) fn gap_m(&self, spot: &Spot, [x, y]: [f64; 2]) -> f64 {
-        let [mx, my] = self.centre(spot);
-        let (dx, dy) = (x - mx, y - my);
-        let (along, across) = (dx * spot.cos + dy * spot.sin, dy * spot.cos - dx * spot.sin);
-        let beyond = |v: f64, half: f64| (v.abs() - half).max(0.0);
-        libm::hypot(beyond(along, self.half_length), beyond(across, self.half_width))
-    }
-
     #[inline]
     pub(crate) fn at(&self, spot: &Spot) -> Rect {
         let half = [self.half_length, self.half_width];

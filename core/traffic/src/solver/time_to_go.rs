@@ -130,11 +130,12 @@ impl TimeToGo {
             let Some(track) = table.track(other).filter(|_| other != query.me) else { continue };
             let (body, spot) = (&instance.drivers[other].body, track.at(step).0);
             let far = mine + instance.margin(query.me, other) - lattice.side / 2.0;
-            let ([x, y], around) = (body.centre(spot), body.reach + far);
+            let (there, [x, y], around) = (body.at(spot), body.centre(spot), body.reach + far);
             let (low, high) = (lattice.cell(x - around, y - around), lattice.cell(x + around, y + around));
             for row in low.1..=high.1 {
                 for column in low.0..=high.0 {
-                    if body.gap_m(spot, lattice.middle(column, row)) < far {
+                    let [x, y] = lattice.middle(column, row);
+                    if there.distance_m(x, y) < far {
                         let slot = &mut costs[self.slot(row * lattice.columns + column)];
                         *slot = slot.saturating_add(cost);
                     }
