@@ -1,6 +1,6 @@
 //! The operator's command line: everything that people use of the fleet.
 //!
-//! The path of a goal (README) begins here: `commands/goto.rs` → `commands/goal.rs` → `xtb-client`.
+//! The path of a goal (docs/paths.md) begins here: `commands/goto.rs` → `commands/goal.rs` → `xtb-client`.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 

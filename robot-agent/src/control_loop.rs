@@ -103,7 +103,7 @@ impl ControlLoop {
         self.ends.wake.take_call();
         self.lines.read(&mut self.robot, now, &mut logging(&self.ends.notes));
         self.take_orders(now);
-        self.take_tidings(now);
+        self.take_nav_inputs(now);
         self.lines.write(&mut self.robot, now, &mut logging(&self.ends.notes));
         self.plan(now);
         self.record();
@@ -156,7 +156,7 @@ impl ControlLoop {
     }
 
     /// What the second level has to know: other robots, poses, paths, maps.
-    fn take_tidings(&mut self, now: Stamp) {
+    fn take_nav_inputs(&mut self, now: Stamp) {
         let alone = self.robot.agent().goes_alone(now);
         self.ends.listens.send_if_modified(|listens| std::mem::replace(listens, alone) != alone);
         for (at, said) in self.ends.neighbours.take() {

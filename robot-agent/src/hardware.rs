@@ -1,6 +1,6 @@
 //! The two lines of a truck: I/O board and gyro, as bytes.
 //!
-//! First stop of the path of a sample (README). Nothing here knows what the bytes mean: the same decoders
+//! First stop of the path of a sample (docs/paths.md). Nothing here knows what the bytes mean: the same decoders
 //! stand behind real serial ports, ptys and the simulator's pipes; [`lines`] hands the bytes on.
 
 pub mod instruments;

@@ -102,12 +102,12 @@ impl Drop for MapReader {
 /// Maps that some robot of this program has, by their hash: each is prepared once, and kept as long as a robot
 /// has it.
 #[derive(Debug, Default)]
-pub(crate) struct MapShelf(Mutex<Vec<(MapHash, Weak<PreparedMap>)>>);
+pub(crate) struct MapCache(Mutex<Vec<(MapHash, Weak<PreparedMap>)>>);
 
 /// What is wrong with a map.
 type MapError = <Map as TryFrom<&'static FleetMap>>::Error;
 
-impl MapShelf {
+impl MapCache {
     /// The map of a message. Robots that ask for the same one at the same time wait for the first of them.
     fn prepared(&self, message: &FleetMap) -> Result<Arc<PreparedMap>, MapError> {
         let mut shelf = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -126,7 +126,7 @@ impl MapShelf {
 pub(crate) struct MapReading {
     nav_inputs: SyncSender<NavInput>,
     counters: Arc<Counters>,
-    shelf: Arc<MapShelf>,
+    shelf: Arc<MapCache>,
     /// The robot has a map of its own.
     own_map: bool,
     /// The map that was told last: it is published again and again.
@@ -138,7 +138,7 @@ impl MapReading {
     pub(crate) fn new(
         nav_inputs: SyncSender<NavInput>,
         counters: Arc<Counters>,
-        shelf: Arc<MapShelf>,
+        shelf: Arc<MapCache>,
         own_map: bool,
     ) -> Self {
         Self { nav_inputs, counters, shelf, own_map, told: None, complaints: Complaints::default() }
@@ -232,7 +232,7 @@ mod tests {
         reading_from(&Arc::default())
     }
 
-    fn reading_from(shelf: &Arc<MapShelf>) -> (MapReading, LoopEnds, Arc<Counters>) {
+    fn reading_from(shelf: &Arc<MapCache>) -> (MapReading, LoopEnds, Arc<Counters>) {
         let (loop_ends, session_ends, _) = mailbox();
         let counters = session_ends.counters.clone();
         let reading = MapReading::new(session_ends.nav_inputs, counters.clone(), shelf.clone(), false);

@@ -10,7 +10,7 @@ use crate::clock::Clock;
 use crate::config::AgentConfig;
 use crate::counters::Counters;
 use crate::mailbox::{NavInput, SessionEnds};
-use crate::map_reader::{MapReader, MapReading, MapShelf, MapSlot};
+use crate::map_reader::{MapCache, MapReader, MapReading, MapSlot};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -106,7 +106,7 @@ pub(crate) async fn declare(
     config: &AgentConfig,
     clock: &Clock,
     ends: &SessionEnds,
-    shelf: &Arc<MapShelf>,
+    shelf: &Arc<MapCache>,
 ) -> Result<NavInputs, AgentError> {
     let keys = fleet.robot(&config.robot);
     let (nav_inputs, counters) = (ends.nav_inputs.clone(), ends.counters.clone());

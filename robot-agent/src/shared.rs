@@ -5,7 +5,7 @@ use crate::control_loop::ControlLoop;
 use crate::hardware::Hardware;
 use crate::loop_pool::{LoopPool, Running};
 use crate::mailbox::LoopEnds;
-use crate::map_reader::MapShelf;
+use crate::map_reader::MapCache;
 use crate::planner_worker::{PlannerWorker, Planners};
 use crate::realtime::{self, Realtime};
 use crate::recorder::Recorder;
@@ -20,7 +20,7 @@ use xtb_robot::Robot;
 #[derive(Debug, Clone)]
 pub struct Shared {
     /// Maps that are prepared already: a large one takes megabytes.
-    pub(crate) maps: Arc<MapShelf>,
+    pub(crate) maps: Arc<MapCache>,
     pub(crate) sessions: Sessions,
     /// Threads for all; `None` = each robot has its own.
     threads: Option<(LoopPool, Planners)>,

@@ -1,6 +1,6 @@
 //! The first-level controller of TM 2004-262, *The eXtreme Test Bed vehicle for indoor environments*.
 //!
-//! On the path of a sample (README): samples come in with their stamps, everything decided goes
+//! On the path of a sample (docs/paths.md): samples come in with their stamps, everything decided goes
 //! out as [`Outputs`]. Pure: no clock, no file, no socket, no thread, no allocation in a step.
 //! Start reading at [`controller`].
 

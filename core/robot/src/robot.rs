@@ -1,6 +1,6 @@
 //! One robot without its I/O: brain, controller and line codecs, turned by whoever owns the clock.
 //!
-//! The whole of the path of a sample (README) between the serial port and Zenoh: bytes in, frames out.
+//! The whole of the path of a sample (docs/paths.md) between the serial port and Zenoh: bytes in, frames out.
 //! `robot-agent` turns it against real time, the simulator in lockstep.
 //!
 //! ```text

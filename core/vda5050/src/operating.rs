@@ -94,10 +94,11 @@ pub fn errors(state: &RobotState, protocol: Protocol) -> Vec<Value> {
         error(protocol, (&*set.fault.to_string(), level(set.fault)), &text, Some(&hint), &[])
     });
     let mut errors: Vec<Value> = latches.chain(faults).collect();
-    if state.stopped_because.contains(&StopReason::PoseUncertain) {
+    let uncertain = StopReason::PoseUncertain;
+    if state.stopped_because.contains(&uncertain) {
         let name = protocol.pick("localizationError", "LOCALIZATION_ERROR");
         let hint = format!("`fleet-cli set-pose {robot} X Y`, or initializePosition");
-        errors.push(error(protocol, (name, Level::Fatal), "position too uncertain", Some(&hint), &[]));
+        errors.push(error(protocol, (name, Level::Fatal), uncertain.text(), Some(&hint), &[]));
     }
     errors
 }

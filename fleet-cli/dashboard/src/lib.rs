@@ -1,6 +1,6 @@
 //! The dashboard: a web page that shows the fleet and commands it, served from this binary.
 //!
-//! One page is one socket: `frames` says what it lacks, `session` when it gets that, `desk` carries
+//! One page is one socket: `frames` says what it lacks, `session` when it gets that, `command_session` carries
 //! out what it asks for. The wire between page and server stands in `docs/dashboard.md`.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]

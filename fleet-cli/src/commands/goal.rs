@@ -25,7 +25,7 @@ use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::messages::{GoalStatus, LinkLoss, RejectCode, RobotState, StopReason};
 use xtb_protocol::{Name, Uuid};
 
-/// Slower than one encoder pulse a window.
+/// Slower than this it stands: by more than what the encoder of a robot that stands may still say.
 const STANDING_MPS: f64 = 0.02;
 
 #[derive(Debug, Serialize, JsonSchema)]

@@ -220,7 +220,7 @@ impl Callbacks {
         let (client, _) = self.lock().client(&call.client());
         let request = Request { id: Uuid::new_v4(), lease: None, body: Body::Stop {} };
         let reply = self.inbox.ask(&client, request).await;
-        call.reply(&verdict(&reply, "the robot stands")).await;
+        call.reply(&verdict(&reply, "stopped")).await;
     }
 
     /// `estop`: the same, and latched.

@@ -204,7 +204,7 @@ impl Client {
         let other = self.callbacks.lease_holder();
         call.reply(&match (holds, other) {
             (true, _) => Verdict::done("control is released; whoever held a stick has to let go first"),
-            (false, None) => Verdict::done("nobody held control"),
+            (false, None) => Verdict::done("no client had control"),
             (false, Some(other)) => Verdict::refused(format!("{other} holds control, and no node of ROS")),
         })
         .await;

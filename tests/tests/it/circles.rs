@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 type Module = Vec<String>;
 
-const CRATES: [&str; 19] = [
+const CRATES: [&str; 23] = [
     "core/control",
     "core/protocol",
     "core/nav",
@@ -14,6 +14,10 @@ const CRATES: [&str; 19] = [
     "core/robot",
     "core/dispatch",
     "core/ros2",
+    "core/ros2-node",
+    "core/board-codec",
+    "core/identity",
+    "core/vda5050",
     "core/sim",
     "core/chaos",
     "core/bus",

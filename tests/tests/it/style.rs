@@ -60,9 +60,20 @@ fn keys_stand_in_the_key_table_only() {
 
 #[test]
 fn the_core_knows_no_clock_file_socket_or_thread() {
-    let folders =
-        ["board-codec", "control", "protocol", "nav", "traffic", "robot", "dispatch", "ros2", "sim", "chaos"]
-            .map(|name| format!("core/{name}/src"));
+    let folders = [
+        "board-codec",
+        "control",
+        "protocol",
+        "nav",
+        "traffic",
+        "robot",
+        "dispatch",
+        "ros2",
+        "vda5050",
+        "sim",
+        "chaos",
+    ]
+    .map(|name| format!("core/{name}/src"));
     let folders = folders.each_ref().map(String::as_str);
     let words =
         ["Instant::now", "SystemTime", "tokio", "zenoh::", "std::fs", "std::net", "std::thread", "std::io"];

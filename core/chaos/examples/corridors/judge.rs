@@ -10,6 +10,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
 use std::time::{Duration, Instant};
 use xtb_control::VehicleConfig;
+use xtb_nav::geometry::rect::INFRARED_STOPS_M;
 use xtb_nav::{Car, MapPose};
 use xtb_sim::World;
 use xtb_traffic::solver::{
@@ -20,7 +21,6 @@ use xtb_traffic::solver::{
 const WITHIN: Duration = Duration::from_secs(60);
 /// As `fleet-cli plan` has them.
 const CLEARANCE_M: f64 = 0.05;
-const LOOK_OUT_M: f64 = 0.27;
 const TURN_RAD: f64 = 0.7;
 
 /// What came out.
@@ -90,7 +90,7 @@ impl Judge {
         yaws.sort_by(|a, b| (b - own_rad).cos().total_cmp(&(a - own_rad).cos()));
         let stands = |yaw_rad: &f64| {
             let (sin, cos) = yaw_rad.sin_cos();
-            let half = [self.truck.front_m + LOOK_OUT_M, self.truck.half_width_m];
+            let half = [self.truck.front_m + INFRARED_STOPS_M, self.truck.half_width_m];
             let half = [half[0] * cos.abs() + half[1] * sin.abs(), half[0] * sin.abs() + half[1] * cos.abs()];
             self.obstacles.iter().all(|thing| match thing {
                 Obstacle::Disc { .. } => true,
@@ -105,7 +105,11 @@ impl Judge {
 
     fn solve(&self, failed: &Failed, goal: &dyn Fn(usize) -> MapPose) -> Result<(), Unsolved> {
         let truck = self.truck;
-        let car = Car { front_m: truck.front_m + LOOK_OUT_M, rear_m: truck.rear_m + LOOK_OUT_M, ..truck };
+        let car = Car {
+            front_m: truck.front_m + INFRARED_STOPS_M,
+            rear_m: truck.rear_m + INFRARED_STOPS_M,
+            ..truck
+        };
         let task = |(index, start): (usize, &MapPose)| Task {
             name: format!("xtb-{}", index + 1),
             car,

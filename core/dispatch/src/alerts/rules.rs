@@ -208,7 +208,7 @@ impl Rules {
             cause: Cause::of_robot(AlertKind::Gone, name, None),
             robot: Some(name.clone()),
             after_ms: 0,
-            text: format!("{name} is gone: not heard for {} s", after_ms / 1000),
+            text: format!("{name} is missing: no message for {} s", after_ms / 1000),
             remedy: format!("check whether it is switched on; {}", texts::for_robot(network, name)),
         })
     }

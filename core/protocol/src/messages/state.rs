@@ -105,77 +105,77 @@ pub enum BatteryLevel {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
-    /// Nobody asked for anything.
+    /// No command.
     NoCommand,
-    /// The last goal was reached.
+    /// Goal reached.
     GoalReached,
-    /// Told to.
+    /// Stop requested.
     Stop,
-    /// The goal was cancelled.
+    /// Goal cancelled.
     Cancelled,
-    /// The goal's time was up.
+    /// Goal time limit reached.
     TimeUp,
-    /// The last setpoint is older than its lifetime.
+    /// Setpoint timed out.
     SetpointExpired,
-    /// The session to the router was lost while teleoperating.
+    /// Connection to the router lost.
     LinkLost,
-    /// A setpoint of 0 rpm.
+    /// Setpoint is zero.
     SetpointZero,
-    /// Something ahead.
+    /// Obstacle ahead.
     ObstacleFront,
-    /// Something behind.
+    /// Obstacle behind.
     ObstacleRear,
-    /// Wander's pause.
+    /// Pausing while wandering.
     WanderPause,
-    /// The I/O board has fallen silent.
+    /// I/O board not responding.
     BoardLost,
-    /// The gyro has fallen silent.
+    /// Gyro not responding.
     GyroLost,
-    /// The transmitter drives, and its speed stick is neutral.
+    /// Remote control active, speed stick in neutral.
     RemoteNeutral,
-    /// The remote control's selector is lost.
+    /// Remote control signal lost.
     RemoteLost,
-    /// Latched: somebody called an emergency stop.
+    /// Latched: emergency stop.
     Estop,
-    /// Latched: the transmitter took over.
+    /// Latched: remote control took over.
     RemoteTakeover,
-    /// Latched: the wheels ran away.
+    /// Latched: runaway, wheels faster than commanded.
     Runaway,
-    /// Latched: a sensor froze or said what cannot be.
+    /// Latched: sensor fault.
     SensorFault,
-    /// Latched: the battery is nearly empty.
+    /// Latched: battery nearly empty.
     BatteryCritical,
-    /// Whoever sent the goal or the setpoints fell silent.
+    /// Controlling client timed out.
     LeaseExpired,
-    /// Somebody else took the lease.
+    /// Another client took control.
     LeaseTaken,
-    /// The holder gave the lease back.
+    /// Control released.
     LeaseReleased,
-    /// The control loop itself was held up.
+    /// Control loop stalled.
     LoopStalled,
-    /// The motor was driven and the wheels did not turn.
+    /// Motor driven, but wheels not turning.
     Stalled,
-    /// The transmitter drives faster than the obstacle rule could stop.
+    /// Remote control too fast for obstacle detection.
     OverSpeed,
-    /// The wheels have yet to stand before it drives the other way.
+    /// Waiting for standstill before reversing.
     ChangingDirection,
-    /// The wheels turn as fast as they should by themselves.
+    /// Coasting.
     Coasting,
-    /// It has only just been told to drive.
+    /// Starting.
     Starting,
-    /// A path is being planned.
+    /// Planning a path.
     Planning,
-    /// At the end of the stretch that traffic control has released.
+    /// Waiting for traffic clearance.
     WaitingForTraffic,
-    /// Another robot goes first.
+    /// Giving way to another robot.
     GivingWay,
-    /// It waits for something unknown in its way to go away, before it looks for another way.
+    /// Blocked by an unmapped obstacle.
     WayBlocked,
-    /// It does not know well enough where it is.
+    /// Position too uncertain.
     PoseUncertain,
-    /// It stands in a keep-out zone.
+    /// Inside a keep-out zone.
     InKeepOut,
-    /// It stands to change gear or to turn its wheels.
+    /// Stopping to change direction.
     AtCusp,
 }
 

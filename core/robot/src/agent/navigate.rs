@@ -314,7 +314,7 @@ impl Agent {
                 self.nav.waits_for().map(|name| format!("blocked by {name}"))
             }
             Some(HoldReason::WayBlocked) => Some("unmapped obstacle on the path".to_owned()),
-            Some(HoldReason::PoseUncertain) => Some("position too uncertain".to_owned()),
+            Some(HoldReason::PoseUncertain) => Some(StopReason::PoseUncertain.text().to_owned()),
             Some(HoldReason::AtCusp) => None,
             None => blocked.then(|| "an obstacle in the driving direction".to_owned()),
         }

@@ -68,8 +68,8 @@ impl Agent {
     /// The control loop was held up, or its clock jumped: nobody watched, so everything ends.
     pub fn loop_stalled(&mut self, now: Stamp) {
         if self.under_way() {
-            let words = "control loop stalled";
-            self.stand(now, StopReason::LoopStalled, GoalStatus::Failed, Some(words));
+            let reason = StopReason::LoopStalled;
+            self.stand(now, reason, GoalStatus::Failed, Some(reason.text()));
         }
         self.disarm();
     }
@@ -113,7 +113,7 @@ impl Agent {
             self.emit(now, EventKind::Latch { latch, set: true, by: by.to_owned() });
         }
         let (status, words) = match latch {
-            Latch::RemoteTakeover => (GoalStatus::Cancelled, "remote control took over".to_owned()),
+            Latch::RemoteTakeover => (GoalStatus::Cancelled, latch.text().to_owned()),
             latch => (GoalStatus::Failed, format!("{latch} latched by {by}")),
         };
         self.stand(now, latch.reason(), status, Some(&words));

@@ -37,7 +37,7 @@ def robots(fleet: Robots) -> str:
         )
         for each in fleet
     ]
-    return table(("robot", "there", "in the roster", "mode", "x, y (m)", "held by", "stopped because"), rows)
+    return table(("robot", "there", "in the roster", "mode", "x, y (m)", "controlled by", "stopped because"), rows)
 
 
 def state_card(state: State) -> str:
@@ -49,11 +49,11 @@ def state_card(state: State) -> str:
         ("pose", f"{state.x:.3f} m, {state.y:.3f} m, {state.yaw:.3f} rad ({data['pose']['source']})"),
         ("speed", _number(data["speed_mps"], "m/s")),
         ("battery", f"{_number(data['battery_v'], 'V')} ({data['battery_level']})"),
-        ("held by", state.holder or "nobody"),
+        ("controlled by", state.holder or "none"),
         ("goal", f"{goal['kind']} {goal['status']} {goal['reason'] or ''}" if goal else "none"),
         ("latched", ", ".join(state.latches) or "nothing"),
         ("faults", ", ".join(fault["fault"] for fault in data["faults"]) or "none"),
-        ("stopped because", ", ".join(state.stopped_because) or "it drives"),
+        ("stopped because", ", ".join(state.stopped_because) or "driving"),
         ("age", f"{state.age:.2f} s{'' if state.is_fresh else ': NOT THE PRESENT STATE'}"),
     ]
     return table(("", ""), rows, data["robot"])
@@ -64,13 +64,13 @@ def robot_card(robot: Robot) -> str:
     try:
         return state_card(robot.state)
     except FleetError as error:
-        return table(("", ""), [("not heard", error.message), ("", error.hint)], robot.name)
+        return table(("", ""), [("no message", error.message), ("", error.hint)], robot.name)
 
 
 def stop_report(report: StopReport) -> str:
     """Which robots have confirmed."""
     rows = [(name, outcome if outcome == "stopped" else outcome.upper()) for name, outcome in report.robots.items()]
-    caption = "every robot stands" if report.complete else "NOT CONFIRMED FOR ALL" if report.roster_known else "no roster"
+    caption = "all robots stopped" if report.complete else "NOT CONFIRMED FOR ALL" if report.roster_known else "no roster"
     return table(("robot", "outcome"), rows, caption)
 
 
@@ -96,7 +96,7 @@ def _brief(state: State) -> tuple[object, ...]:
 
 
 def _number(value: float | None, unit: str) -> str:
-    return "not known" if value is None else f"{value:.3f} {unit}"
+    return "unknown" if value is None else f"{value:.3f} {unit}"
 
 
 def _text(value: Any) -> str:

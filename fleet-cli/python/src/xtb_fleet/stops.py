@@ -57,12 +57,12 @@ class StopReport:
         return self.roster_known and bool(self.robots) and not self.unconfirmed
 
     def __repr__(self) -> str:
-        parts = [f"stopped: {', '.join(self.confirmed) or 'nobody'}"]
+        parts = [f"stopped: {', '.join(self.confirmed) or 'none'}"]
         if self.unconfirmed:
             bad = ", ".join(f"{name} ({self.robots[name]})" for name in self.unconfirmed)
             parts.append(f"NOT CONFIRMED: {bad}")
         if not self.roster_known:
-            parts.append("nobody knows which robots there should be")
+            parts.append("no roster: which robots there should be is unknown")
         return f"<{'; '.join(parts)}>"
 
     def _repr_html_(self) -> str:

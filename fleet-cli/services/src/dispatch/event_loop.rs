@@ -69,7 +69,7 @@ pub(super) struct Work {
     heard: BTreeMap<Name, (u64, u64)>,
     alive: BTreeSet<Name>,
     observer: Observer,
-    desk: RequestQueue,
+    requests: RequestQueue,
     questions: mpsc::Receiver<Input>,
     fleet: Fleet,
     news: mpsc::Receiver<News>,
@@ -113,7 +113,7 @@ impl Work {
         told.send_replace(Standing::of(&dispatcher, clock.ms(), Counters::default(), Usage::default()));
         let writer = Writer::start(ledger, ledger::QUEUE)?;
         let (fleet, news) = Fleet::new(client, me);
-        let (desk, questions) = RequestQueue::open(client).await?;
+        let (requests, questions) = RequestQueue::open(client).await?;
         let looking = map_watch::keep_looking(client, found, Duration::from_secs(2));
         Ok(Self {
             clock,
@@ -128,7 +128,7 @@ impl Work {
             heard: BTreeMap::new(),
             alive: BTreeSet::new(),
             observer,
-            desk,
+            requests,
             questions,
             fleet,
             news,
@@ -219,7 +219,8 @@ impl Work {
     fn take(&mut self, input: Input) {
         match input {
             Input::Question(question) => {
-                if let Some(Asked { ticket, client, request }) = self.desk.read(question, &mut self.counters)
+                if let Some(Asked { ticket, client, request }) =
+                    self.requests.read(question, &mut self.counters)
                 {
                     let now_ms = self.clock.ms();
                     self.dispatcher.request(now_ms, ticket, &client, &request, self.ground.as_ref());
@@ -228,15 +229,15 @@ impl Work {
             Input::List(question) => match question.parameter("after").map(str::parse) {
                 None => {
                     let list = self.list();
-                    self.desk.list(question, list);
+                    self.requests.list(question, list);
                 }
                 Some(Ok(after)) => {
                     let page = self.dispatcher.page(self.clock.ms(), after);
-                    self.desk.list(question, Arc::new(page));
+                    self.requests.list(question, Arc::new(page));
                 }
-                Some(Err(error)) => self.desk.refuse_list(question, format!("after={error}")),
+                Some(Err(error)) => self.requests.refuse_list(question, format!("after={error}")),
             },
-            Input::Homes(question) => self.desk.homes(question, self.dispatcher.homes(self.clock.ms())),
+            Input::Homes(question) => self.requests.homes(question, self.dispatcher.homes(self.clock.ms())),
         }
     }
 
@@ -293,12 +294,12 @@ impl Work {
             match effect {
                 Effect::Write(write) => self.write(write),
                 Effect::Ask { robot, request } => self.fleet.ask(robot, request, &mut self.counters),
-                Effect::Reply { ticket, reply } => self.desk.reply(ticket, reply),
+                Effect::Reply { ticket, reply } => self.requests.reply(ticket, reply),
                 Effect::Event(event) => {
                     self.changed = true;
                     self.usage.step(&event.step);
                     self.observer.task(self.clock.ms(), &event);
-                    self.desk.event(event, &mut self.counters);
+                    self.requests.event(event, &mut self.counters);
                 }
             }
         }
@@ -373,23 +374,23 @@ impl Work {
     }
 
     async fn tell(&mut self) {
-        self.counters.overloaded = self.desk.overloaded();
-        self.counters.foreign_keys = self.desk.foreign_keys();
+        self.counters.overloaded = self.requests.overloaded();
+        self.counters.foreign_keys = self.requests.foreign_keys();
         self.counters.ledger = self.writer.counters();
         self.counters.observer = self.observer.counters();
         self.counters.standby_questions = self.standby.questions();
         self.counters.standby_overloaded = self.standby.overloaded();
         let (counters, usage) = (self.counters.clone(), self.usage.clone());
         self.told.send_replace(Standing::of(&self.dispatcher, self.clock.ms(), counters, usage));
-        if self.desk.has_listeners().await {
+        if self.requests.has_listeners().await {
             let list = self.list();
-            self.desk.tell(&list).await;
+            self.requests.tell(&list).await;
         }
     }
 
     /// Takes nothing more, and waits for what is being written and for its answers.
     async fn end(mut self) -> Result<()> {
-        self.desk.close();
+        self.requests.close();
         if self.flying.is_some() {
             match tokio::time::timeout(LAST_WRITE, durable(&mut self.flying)).await {
                 Ok(written) => self.settle(written)?,
@@ -407,10 +408,10 @@ impl Work {
         }
         while let Some(effect) = self.dispatcher.next_effect() {
             if let Effect::Reply { ticket, reply } = effect {
-                self.desk.reply(ticket, reply);
+                self.requests.reply(ticket, reply);
             }
         }
-        self.desk.last_answers().await;
+        self.requests.last_answers().await;
         self.observer.end(self.clock.ms());
         self.tell().await;
         Ok(())

@@ -25,7 +25,7 @@ const QUESTIONS: usize = 256;
 /// Changes that wait to be published; the next is dropped and counted.
 const EVENTS: usize = 4096;
 
-/// What comes to the desk.
+/// What comes in.
 pub(super) enum Input {
     /// A question about tasks.
     Question(Question),
@@ -98,7 +98,7 @@ impl RequestQueue {
             }
         });
         let services = vec![answering.await?, listing.await?, docking.await?];
-        let desk = Self {
+        let requests = Self {
             keys,
             open: BTreeMap::new(),
             next: 0,
@@ -109,7 +109,7 @@ impl RequestQueue {
             services,
             answers: JoinSet::new(),
         };
-        Ok((desk, queue))
+        Ok((requests, queue))
     }
 
     /// Reads a question; one that cannot be read is answered at once.

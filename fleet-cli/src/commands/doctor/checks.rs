@@ -16,7 +16,7 @@ use xtb_client::Error;
 use xtb_client::text::robot as describe;
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
-use xtb_protocol::messages::{About, BatteryLevel, Fault, RobotState, RosterEntry, SimStats};
+use xtb_protocol::messages::{About, BatteryLevel, Fault, Latch, RobotState, RosterEntry, SimStats};
 use xtb_protocol::wire::WIRE;
 
 /// Of the robot's clock against ours.
@@ -187,11 +187,13 @@ fn versions(facts: &Facts) -> Vec<Finding> {
 /// What a robot runs, beside what runs here.
 fn version(about: &About) -> Finding {
     let ours = env!("CARGO_PKG_VERSION");
+    let board =
+        about.board_firmware().map_or_else(String::new, |version| format!(" with board firmware {version}"));
     let Some(wire) = about.wire() else {
-        let text = format!("robot-agent {}, an unknown version of the wire", about.version);
+        let text = format!("robot-agent {}{board}, an unknown version of the wire", about.version);
         return Finding::problem("versions", text, UPDATE_THE_OLDER);
     };
-    let text = format!("robot-agent {}, wire {wire}", about.version);
+    let text = format!("robot-agent {}{board}, wire {wire}", about.version);
     if wire == WIRE {
         return match about.version == ours {
             true => Finding::ok("versions", format!("{text}, as this fleet-cli")),
@@ -376,7 +378,7 @@ fn faults(facts: &Facts) -> Vec<Finding> {
                 Some(("battery low", Fault::BatteryLow.remedy()))
             }
             BatteryLevel::Critical if !said(Fault::BatteryCritical) => {
-                Some(("battery nearly empty", Fault::BatteryCritical.remedy()))
+                Some((Latch::BatteryCritical.text(), Fault::BatteryCritical.remedy()))
             }
             _ => None,
         };

@@ -138,17 +138,23 @@ const VOLTS_PART: f64 = 0.03;
 /// What has to be typed before the motor turns.
 pub(super) const WHEELS_UP: &str = "wheels up";
 
+/// Whether a car may lack it without a setting that says so.
+fn may_be_missing(actuator: Actuator) -> bool {
+    matches!(actuator.kind(), Kind::Bumper(_))
+}
+
+/// What to answer then.
+fn or_none(actuator: Actuator) -> &'static str {
+    if may_be_missing(actuator) { "; none = there is no such servo" } else { "" }
+}
+
 impl Question {
     /// In words.
     pub(super) fn text(&self) -> String {
         match self {
             Self::Ready(actuator) => {
                 let [first, then] = Motion::Servo(*actuator).directions();
-                let none = if matches!(actuator.kind(), Kind::Bumper(_)) {
-                    "; none = there is no such servo"
-                } else {
-                    ""
-                };
+                let none = or_none(*actuator);
                 format!(
                     "{actuator} will go {first}, then {then}, then back. Fingers clear? [yes/skip{none}] "
                 )
@@ -175,9 +181,10 @@ impl Question {
                 )
             }
             Self::Length { name, now_m, .. } => format!("{name} in m [Enter keeps {now_m}] "),
-            Self::Calibrate(actuator) => {
-                format!("Calibrate {actuator} now (docs/calibration.md)? Wheels off the ground. [yes/skip] ")
-            }
+            Self::Calibrate(actuator) => format!(
+                "Calibrate {actuator} now (docs/calibration.md)? Wheels off the ground. [yes/skip{}] ",
+                or_none(*actuator)
+            ),
         }
     }
 
@@ -186,13 +193,9 @@ impl Question {
         let typed = typed.trim().to_lowercase();
         match self {
             _ if typed == "skip" => Reply::Skip,
-            Self::Ready(actuator) => match typed.as_str() {
+            Self::Ready(actuator) | Self::Calibrate(actuator) => match typed.as_str() {
                 "yes" | "y" => Reply::Go(String::new()),
-                "none" if matches!(actuator.kind(), Kind::Bumper(_)) => Reply::NotFitted,
-                _ => Reply::Again("yes or skip"),
-            },
-            Self::Calibrate(_) => match typed.as_str() {
-                "yes" | "y" => Reply::Go(String::new()),
+                "none" if may_be_missing(*actuator) => Reply::NotFitted,
                 _ => Reply::Again("yes or skip"),
             },
             // Nothing shorter: it has to be meant.
@@ -276,6 +279,16 @@ mod tests {
             assert!(matches!(question.judge(typed), Reply::Again(_)), "{typed:?}");
         }
         assert_eq!(question.judge("skip"), Reply::Skip);
+    }
+
+    #[test]
+    fn only_bumpers_may_be_without_a_servo_and_then_nothing_of_them_stays_open() {
+        for ask in [Question::Ready, Question::Calibrate] {
+            let (bumper, steering) = (ask(Actuator::BumperFront), ask(Actuator::SteeringFront));
+            assert!(bumper.text().contains("none") && !steering.text().contains("none"));
+            assert_eq!(bumper.judge("none"), Reply::NotFitted);
+            assert!(matches!(steering.judge("none"), Reply::Again(_)));
+        }
     }
 
     #[test]

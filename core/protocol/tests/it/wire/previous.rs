@@ -36,7 +36,7 @@ fn kind<M: Message>() -> Kind {
     Kind { name: M::NAME, version: M::VERSION, again }
 }
 
-/// Every type there is.
+/// Every type that the programs of before had.
 fn kinds() -> Vec<Kind> {
     vec![
         kind::<About>(),

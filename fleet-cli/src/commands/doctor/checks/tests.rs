@@ -3,8 +3,8 @@
 use super::*;
 use xtb_client::fake::{self, name};
 use xtb_protocol::messages::{
-    DispatchStatus, FaultState, FleetMap, Latch, MapHash, MapState, ParameterInfo, SPEAKS, SimStats,
-    TaskList, TaskState, TrafficState,
+    BOARD_FIRMWARE, DispatchStatus, FaultState, FleetMap, Latch, MapHash, MapState, ParameterInfo, SPEAKS,
+    SimStats, TaskList, TaskState, TrafficState,
 };
 
 fn entry(robot: &str) -> RosterEntry {
@@ -108,17 +108,16 @@ fn two_agents_of_one_name_are_a_problem() {
     assert_eq!((found.level, found.topic, found.robot), (Level::Problem, "names", Some(name("xtb-1"))));
 }
 
+fn parameter(name: &str, value: &str) -> ParameterInfo {
+    ParameterInfo { name: name.into(), value: value.into(), unit: String::new(), origin: "ours".into() }
+}
+
 fn speaking(version: &str, wire: Option<&str>) -> Facts {
     let mut facts = healthy();
     let about = &mut facts.abouts.get_mut(&name("xtb-1")).unwrap()[0];
     about.version = version.into();
     about.vehicle.retain(|info| info.name != SPEAKS);
-    about.vehicle.extend(wire.map(|wire| ParameterInfo {
-        name: SPEAKS.into(),
-        value: wire.into(),
-        unit: String::new(),
-        origin: "ours".into(),
-    }));
+    about.vehicle.extend(wire.map(|wire| parameter(SPEAKS, wire)));
     facts
 }
 
@@ -143,6 +142,11 @@ fn each_robot_is_told_with_its_program_and_the_wire_that_it_speaks() {
         assert!(found.text.contains(&says), "{found:?}");
         assert_eq!(found.text.contains("accepts it"), wire == Some(WIRE - 1), "{found:?}");
     }
+    let mut facts = speaking(ours, Some(&WIRE.to_string()));
+    let about = &mut facts.abouts.get_mut(&name("xtb-1")).unwrap()[0];
+    about.vehicle.push(parameter(BOARD_FIRMWARE, "1.2"));
+    let says = format!("robot-agent {ours} with board firmware 1.2, wire {WIRE}, as this");
+    assert!(all(&facts).iter().any(|finding| finding.text.contains(&says)), "{:?}", all(&facts));
     let unsaid = the_only(&speaking(ours, None));
     assert!(unsaid.text.contains("wire 5;"), "agents of before do not say it: {unsaid:?}");
     assert_eq!(the_only(&speaking(ours, Some("new"))).level, Level::Problem);

@@ -1,5 +1,5 @@
 //! Three kinds of vehicles in one lab under traffic control, the figures of docs/navigation.md:
-//! `cargo run --release -p fleet-tests --example vehicles [GOALS] [SEED] [SPEED]` (40, 1, 4).
+//! `cargo run --release -p fleet-tests --example mixed_fleet [GOALS] [SEED] [SPEED]` (40, 1, 4).
 //! Exit code 1 if a goal was not reached or something was touched.
 
 #![allow(clippy::print_stdout)]
