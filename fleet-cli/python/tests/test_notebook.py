@@ -34,8 +34,15 @@ class Notebook(unittest.TestCase):
                 if cell["cell_type"] == "code":
                     exec(compile("".join(cell["source"]), str(NOTEBOOK), "exec"), names)
             return
-        notebook = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
-        nbclient.NotebookClient(notebook, timeout=180).execute()
+        for tries_left in (2, 1, 0):
+            notebook = nbformat.reads(text, as_version=4)  # type: ignore[no-untyped-call]
+            try:
+                nbclient.NotebookClient(notebook, timeout=180).execute()
+                break
+            except nbclient.exceptions.CellExecutionError as error:
+                # A computer that is too busy for the kernel to keep the lease is no fault of the notebook.
+                if "timed out" not in str(error) or not tries_left:
+                    raise
         shown = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
         tables = [output for output in shown if "text/html" in output.get("data", {})]
         self.assertGreaterEqual(len(tables), 5, "fleet, states, tasks and report are shown as tables")
