@@ -282,7 +282,7 @@ fn a_robot_that_is_not_heard_is_gone_until_it_is_back() {
     desk.silence(250);
     assert_eq!(desk.steps(), [(Step::Raised, AlertKind::Gone)], "and nothing is known of its latch");
     let gone = desk.alerts().pop().unwrap();
-    assert_eq!(gone.text, "xtb-1 is gone: not heard for 10 s");
+    assert_eq!(gone.text, "xtb-1 is missing: no message for 10 s");
     assert!(gone.remedy.contains("`fleet-cli doctor`"), "{}", gone.remedy);
     desk.hear(50, &well);
     assert_eq!(desk.steps(), [(Step::Ended, AlertKind::Latched), (Step::Ended, AlertKind::Gone)]);
