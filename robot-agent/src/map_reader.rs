@@ -110,14 +110,14 @@ type MapError = <Map as TryFrom<&'static FleetMap>>::Error;
 impl MapCache {
     /// The map of a message. Robots that ask for the same one at the same time wait for the first of them.
     fn prepared(&self, message: &FleetMap) -> Result<Arc<PreparedMap>, MapError> {
-        let mut shelf = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        shelf.retain(|(_, map)| map.strong_count() > 0);
-        let known = shelf.iter().find(|(hash, _)| *hash == message.hash);
+        let mut cache = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        cache.retain(|(_, map)| map.strong_count() > 0);
+        let known = cache.iter().find(|(hash, _)| *hash == message.hash);
         if let Some(map) = known.and_then(|(_, map)| map.upgrade()) {
             return Ok(map);
         }
         let map = Arc::new(PreparedMap::of(Map::try_from(message)?));
-        shelf.push((message.hash, Arc::downgrade(&map)));
+        cache.push((message.hash, Arc::downgrade(&map)));
         Ok(map)
     }
 }
@@ -126,7 +126,7 @@ impl MapCache {
 pub(crate) struct MapReading {
     nav_inputs: SyncSender<NavInput>,
     counters: Arc<Counters>,
-    shelf: Arc<MapCache>,
+    cache: Arc<MapCache>,
     /// The robot has a map of its own.
     own_map: bool,
     /// The map that was told last: it is published again and again.
@@ -138,10 +138,10 @@ impl MapReading {
     pub(crate) fn new(
         nav_inputs: SyncSender<NavInput>,
         counters: Arc<Counters>,
-        shelf: Arc<MapCache>,
+        cache: Arc<MapCache>,
         own_map: bool,
     ) -> Self {
-        Self { nav_inputs, counters, shelf, own_map, told: None, complaints: Complaints::default() }
+        Self { nav_inputs, counters, cache, own_map, told: None, complaints: Complaints::default() }
     }
 
     /// Reads a map, measures it if the robot needs it, and tells the control loop.
@@ -157,7 +157,7 @@ impl MapReading {
             return;
         }
         if !self.own_map {
-            let map = match self.shelf.prepared(&message) {
+            let map = match self.cache.prepared(&message) {
                 Ok(map) => map,
                 Err(error) => {
                     let words = format!("the fleet's map {} cannot be used: {error}", message.name);
@@ -232,10 +232,10 @@ mod tests {
         reading_from(&Arc::default())
     }
 
-    fn reading_from(shelf: &Arc<MapCache>) -> (MapReading, LoopEnds, Arc<Counters>) {
+    fn reading_from(cache: &Arc<MapCache>) -> (MapReading, LoopEnds, Arc<Counters>) {
         let (loop_ends, session_ends, _) = mailbox();
         let counters = session_ends.counters.clone();
-        let reading = MapReading::new(session_ends.nav_inputs, counters.clone(), shelf.clone(), false);
+        let reading = MapReading::new(session_ends.nav_inputs, counters.clone(), cache.clone(), false);
         (reading, loop_ends, counters)
     }
 
@@ -249,9 +249,9 @@ mod tests {
 
     #[test]
     fn the_robots_of_a_program_share_a_map_as_long_as_one_has_it() {
-        let shelf = Arc::default();
-        let (mut first, first_ends, _) = reading_from(&shelf);
-        let (mut second, second_ends, counters) = reading_from(&shelf);
+        let cache = Arc::default();
+        let (mut first, first_ends, _) = reading_from(&cache);
+        let (mut second, second_ends, counters) = reading_from(&cache);
         first.read(&message("lab", None));
         second.read(&message("lab", None));
         let (one, other) = (floor(&first_ends), floor(&second_ends));
@@ -260,9 +260,9 @@ mod tests {
         assert!(second_ends.nav_inputs.try_iter().all(|input| !matches!(input, NavInput::Floor(_))));
         assert_eq!(counters.rejected_so_far().overloaded, 0);
         drop((one, other));
-        let (mut third, third_ends, _) = reading_from(&shelf);
+        let (mut third, third_ends, _) = reading_from(&cache);
         third.read(&message("lab", None));
-        assert_eq!((Arc::strong_count(&floor(&third_ends)), shelf.0.lock().unwrap().len()), (1, 1));
+        assert_eq!((Arc::strong_count(&floor(&third_ends)), cache.0.lock().unwrap().len()), (1, 1));
     }
 
     #[tokio::test]

@@ -106,11 +106,11 @@ pub(crate) async fn declare(
     config: &AgentConfig,
     clock: &Clock,
     ends: &SessionEnds,
-    shelf: &Arc<MapCache>,
+    cache: &Arc<MapCache>,
 ) -> Result<NavInputs, AgentError> {
     let keys = fleet.robot(&config.robot);
     let (nav_inputs, counters) = (ends.nav_inputs.clone(), ends.counters.clone());
-    let reading = MapReading::new(nav_inputs.clone(), counters.clone(), shelf.clone(), config.map.is_some());
+    let reading = MapReading::new(nav_inputs.clone(), counters.clone(), cache.clone(), config.map.is_some());
     let map_reader = MapReader::start(reading);
     let inbox = Inbox { nav_inputs, counters, maps: map_reader.slot(), has_map: Arc::default() };
     let (fixes, routes, maps) = (inbox.clone(), inbox.clone(), inbox.clone());
