@@ -62,7 +62,7 @@ pub fn encode<M: Message>(message: &M, format: Format) -> Result<Vec<u8>, CodecE
         Format::Postcard => postcard::to_allocvec(message).map_err(|e| broken(e.to_string()))?,
         Format::Previous => {
             check_previous(message)?;
-            postcard::to_allocvec(message).map_err(|e| broken(e.to_string()))?
+            message.write_previous().map_err(|e| broken(e.to_string()))?
         }
         Format::Json => serde_json::to_vec(message).map_err(|e| broken(e.to_string()))?,
     };
@@ -101,13 +101,15 @@ pub fn decode<M: Message>(encoding: &str, bytes: &[u8]) -> Result<(M, Format), C
     check_length::<M>(bytes.len())?;
     let broken = |reason: String| CodecError::Malformed { name: M::NAME, reason: shortened(reason) };
     let format = format_of::<M>(encoding)?;
-    let message: M = match format {
+    let whole = |read: postcard::Result<(M, &[u8])>| match read {
+        Ok((message, [])) => Ok(message),
+        Ok((_, rest)) => Err(broken(format!("{} bytes too many", rest.len()))),
+        Err(error) => Err(broken(error.to_string())),
+    };
+    let message = match format {
         Format::Json => serde_json::from_slice(bytes).map_err(|e| broken(e.to_string()))?,
-        Format::Postcard | Format::Previous => match postcard::take_from_bytes(bytes) {
-            Ok((message, [])) => message,
-            Ok((_, rest)) => return Err(broken(format!("{} bytes too many", rest.len()))),
-            Err(error) => return Err(broken(error.to_string())),
-        },
+        Format::Postcard => whole(postcard::take_from_bytes(bytes))?,
+        Format::Previous => whole(M::read_previous(bytes))?,
     };
     if format == Format::Previous {
         check_previous(&message)?;

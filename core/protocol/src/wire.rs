@@ -5,7 +5,7 @@ use xtb_control::units::OutOfRange;
 
 /// Version of the wire as a whole, raised when the version of any type is. What the version before wrote is read too,
 /// and who asked in it is answered in it ([`Message::PREVIOUS`](crate::messages::Message::PREVIOUS)).
-pub const WIRE: u32 = 6;
+pub const WIRE: u32 = 7;
 /// Longest message that is read, in bytes, unless its type says otherwise.
 pub const MAX_BYTES: usize = 16 * 1024;
 /// The encoding of JSON messages.

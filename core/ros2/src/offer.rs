@@ -8,6 +8,7 @@ use crate::types::{
     OccupancyGrid, Odometry, Path, PoseStamped, PoseWithCovarianceStamped, Range, RosType, SendGoal, Service,
     Text, TfMessage, Trigger, Twist, TwistStamped,
 };
+use xtb_control::vehicle::SLOTS;
 
 /// The name of a robot's node, in its namespace.
 pub const NODE: &str = "xtb_agent";
@@ -47,20 +48,29 @@ pub const TF_STATIC: Channel = published::<TfMessage>("/tf_static", Qos::LATCHED
 pub const ROBOT_DESCRIPTION: Channel = published::<Text>("robot_description", Qos::LATCHED);
 /// Its gyro.
 pub const IMU: Channel = published::<Imu>("imu", Qos::SENSOR);
-/// Its range finders: front, then rear, left to right seen from above with the truck pointing up.
-pub const RANGES: [Channel; 12] = [
-    published::<Range>("range/front_0", Qos::SENSOR),
-    published::<Range>("range/front_1", Qos::SENSOR),
-    published::<Range>("range/front_2", Qos::SENSOR),
-    published::<Range>("range/front_3", Qos::SENSOR),
-    published::<Range>("range/front_4", Qos::SENSOR),
-    published::<Range>("range/front_5", Qos::SENSOR),
-    published::<Range>("range/rear_0", Qos::SENSOR),
-    published::<Range>("range/rear_1", Qos::SENSOR),
-    published::<Range>("range/rear_2", Qos::SENSOR),
-    published::<Range>("range/rear_3", Qos::SENSOR),
-    published::<Range>("range/rear_4", Qos::SENSOR),
-    published::<Range>("range/rear_5", Qos::SENSOR),
+/// Its range finders, on the front and on the rear bumper, left to right seen from above with the truck pointing up; a
+/// robot offers those that are fitted.
+pub const RANGES: [[Channel; SLOTS]; 2] = [
+    [
+        published::<Range>("range/front_0", Qos::SENSOR),
+        published::<Range>("range/front_1", Qos::SENSOR),
+        published::<Range>("range/front_2", Qos::SENSOR),
+        published::<Range>("range/front_3", Qos::SENSOR),
+        published::<Range>("range/front_4", Qos::SENSOR),
+        published::<Range>("range/front_5", Qos::SENSOR),
+        published::<Range>("range/front_6", Qos::SENSOR),
+        published::<Range>("range/front_7", Qos::SENSOR),
+    ],
+    [
+        published::<Range>("range/rear_0", Qos::SENSOR),
+        published::<Range>("range/rear_1", Qos::SENSOR),
+        published::<Range>("range/rear_2", Qos::SENSOR),
+        published::<Range>("range/rear_3", Qos::SENSOR),
+        published::<Range>("range/rear_4", Qos::SENSOR),
+        published::<Range>("range/rear_5", Qos::SENSOR),
+        published::<Range>("range/rear_6", Qos::SENSOR),
+        published::<Range>("range/rear_7", Qos::SENSOR),
+    ],
 ];
 /// Its battery, 1 Hz.
 pub const BATTERY_STATE: Channel = published::<BatteryState>("battery_state", Qos::DEFAULT);
@@ -116,7 +126,12 @@ pub fn robot(distro: Distro) -> impl Iterator<Item = Channel> {
         [ODOM, TF, TF_STATIC, ROBOT_DESCRIPTION, IMU, BATTERY_STATE, DIAGNOSTICS, PLAN, GOAL_STATUS];
     let heard = [CMD_VEL_STAMPED, CMD_VEL, GOAL_POSE, INITIAL_POSE];
     let served = [SEND_GOAL, GET_RESULT, CANCEL_GOAL, STOP, ESTOP, RESET, TAKE_CONTROL, RELEASE_CONTROL];
-    published.into_iter().chain([feedback(distro)]).chain(RANGES).chain(heard).chain(served)
+    published
+        .into_iter()
+        .chain([feedback(distro)])
+        .chain(RANGES.into_iter().flatten())
+        .chain(heard)
+        .chain(served)
 }
 
 #[cfg(test)]
@@ -131,7 +146,7 @@ mod tests {
         let all = || robot(Distro::Lyrical).chain([MAP, FLEET_ESTOP, CLOCK]);
         let keys: BTreeSet<Key> =
             all().map(|it| Key::new(0, namespace.resolve(it.name).unwrap(), it.ros_type)).collect();
-        assert_eq!((keys.len(), all().count()), (37, 37));
+        assert_eq!((keys.len(), all().count()), (41, 41));
         assert!(keys.iter().all(|key| key.to_string().parse::<Key>().as_ref() == Ok(key)));
     }
 

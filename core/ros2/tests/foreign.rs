@@ -182,7 +182,7 @@ fn messages() -> Vec<Sent> {
         ),
     ];
     let ranges = robot.ranges(&stamp, &[None, Some(25.0), None, None, None, None], &[Some(1.0); 6]);
-    for (range, value) in ranges.iter().zip([json!("inf"), json!(0.25), json!("inf")]) {
+    for (range, value) in ranges.iter().flatten().zip([json!("inf"), json!(0.25), json!("inf")]) {
         all.push(sent("sensor_msgs/msg/Range", range, ("/range", value)));
     }
     let feedback = NavigateFeedback {

@@ -178,7 +178,7 @@ export class Picture {
       const beams = robot.body[side];
       this.#sight(view, pose, beams, robot.ir_cm[side]);
       for (const [i, beam] of beams.entries()) {
-        const cm = robot.ir_cm[side][i];
+        const cm = robot.ir_cm[side][i] ?? null;
         if (cm === null) continue;
         const [x, y] = view.toScreen(...onFloor(pose, beam.ahead_m, beam.left_m));
         const heading = -(pose.yaw_rad + beam.yaw_rad);

@@ -138,10 +138,10 @@ struct Goal {
     distance_m: Option<f64>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 struct Infrared {
-    front: [Option<f64>; 6],
-    rear: [Option<f64>; 6],
+    front: Vec<Option<f64>>,
+    rear: Vec<Option<f64>>,
 }
 
 /// A path, or how far it is driven if the page has its points.
@@ -336,9 +336,9 @@ impl KnownRobot {
             why: Some(state.stopped_because.clone()),
             stopped_age_ms: state.stopped_age_ms,
             obstacle: Some(state.obstacle),
-            ir_cm: sensors.map(|sensors| Infrared {
-                front: sensors.ir_front_cm.map(|cm| cm.map(rounded)),
-                rear: sensors.ir_rear_cm.map(|cm| cm.map(rounded)),
+            ir_cm: sensors.map(|sensors| {
+                let rounded = |side: &[Option<f64>]| side.iter().map(|cm| cm.map(rounded)).collect();
+                Infrared { front: rounded(&sensors.ir_front_cm), rear: rounded(&sensors.ir_rear_cm) }
             }),
             ..row
         }

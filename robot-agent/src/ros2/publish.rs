@@ -34,7 +34,8 @@ pub(super) struct Publishers {
     tf_static: Publisher,
     description: Publisher,
     imu: Publisher,
-    ranges: Vec<Publisher>,
+    /// Of the range finders that are fitted, front and rear.
+    ranges: [Vec<Publisher>; 2],
     battery: Publisher,
     diagnostics: Publisher,
     plan: Publisher,
@@ -53,9 +54,12 @@ impl Publishers {
         robot: &Name,
         vehicle: &VehicleConfig,
     ) -> Result<Self, NodeError> {
-        let mut ranges = Vec::with_capacity(offer::RANGES.len());
-        for channel in &offer::RANGES {
-            ranges.push(node.publisher(channel).await?);
+        let mut ranges = [const { Vec::new() }; 2];
+        let fitted = [&vehicle.range_finders.front, &vehicle.range_finders.rear];
+        for ((publishers, channels), fitted) in ranges.iter_mut().zip(&offer::RANGES).zip(fitted) {
+            for channel in channels.iter().take(fitted.0.len()) {
+                publishers.push(node.publisher(channel).await?);
+            }
         }
         Ok(Self {
             robot: Robot::new(robot, vehicle),
@@ -107,10 +111,11 @@ impl Publishers {
         // Not from a converter that has fallen silent.
         let sampled = sensors.as_ref().filter(|_| state.obstacle.front.or(state.obstacle.rear).is_some());
         if let Some(sensors) = sampled
-            && self.ranges.iter().any(Publisher::is_heard)
+            && self.ranges.iter().flatten().any(Publisher::is_heard)
         {
             let ranges = self.robot.ranges(stamp, &sensors.ir_front_cm, &sensors.ir_rear_cm);
-            for (publisher, range) in self.ranges.iter().zip(&ranges).filter(|(it, _)| it.is_heard()) {
+            let told = self.ranges.iter().zip(&ranges).flat_map(|(side, ranges)| side.iter().zip(ranges));
+            for (publisher, range) in told.filter(|(publisher, _)| publisher.is_heard()) {
                 publisher.put(range).await;
             }
         }

@@ -1,7 +1,7 @@
 //! Alerts and events on the page: called, acknowledged by name, searched, unfolded.
 
 use crate::signing_in::screen;
-use crate::{MACHINE, driver, fleet_on_page};
+use crate::{beside_another, driver, fleet_on_page};
 use fleet_tests::dispatch::Serve;
 use fleet_tests::processes::program;
 use std::process::Command;
@@ -11,7 +11,7 @@ async fn an_alert_is_seen_in_the_title_acknowledged_with_a_click_and_found_in_th
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(2, 2.0).await;
     let ledger = tempfile::tempdir().unwrap();
     let _serve = Serve::start(fleet.simulator.endpoint(), &ledger.path().join("lab.ledger"));

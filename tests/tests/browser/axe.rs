@@ -3,7 +3,7 @@
 
 use super::driver::{self, Browser, say};
 use super::signing_in::Secured;
-use super::{MACHINE, fleet_on_page, press};
+use super::{beside_another, fleet_on_page, press};
 use fantoccini::Locator;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -52,7 +52,7 @@ async fn check(browser: &Browser, program: &str, what: &str, tab: &str) {
 #[tokio::test(flavor = "multi_thread")]
 async fn no_page_and_no_panel_has_a_serious_fault_of_accessibility() {
     let Some(program) = axe().filter(|_| driver::is_there()) else { return };
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(2, 1.0).await;
     browser.click("[data-robot=xtb-1]").await;
     check(&browser, &program, "a robot selected", "robot").await;
@@ -82,7 +82,7 @@ async fn no_page_and_no_panel_has_a_serious_fault_of_accessibility() {
 #[tokio::test(flavor = "multi_thread")]
 async fn signing_in_and_a_viewers_page_have_no_serious_fault_of_accessibility() {
     let Some(program) = axe().filter(|_| driver::is_there()) else { return };
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let secured = Secured::start().await;
     let browser = Browser::start().await;
     browser.page.goto(&secured.url()).await.unwrap();

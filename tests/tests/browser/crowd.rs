@@ -68,7 +68,7 @@ fn on_circle(template: &RobotState, robot: &xtb_protocol::Name, number: usize, n
 fn seeing(template: &Sensors, state: &RobotState) -> Sensors {
     let mut sensors = template.clone();
     (sensors.robot, sensors.tick_ms) = (state.robot.clone(), state.tick_ms);
-    sensors.ir_front_cm = [Some(40.0), Some(35.0), Some(30.0), None, Some(60.0), None];
+    sensors.ir_front_cm = vec![Some(40.0), Some(35.0), Some(30.0), None, Some(60.0), None];
     sensors
 }
 

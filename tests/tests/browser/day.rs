@@ -3,7 +3,7 @@
 //! the page shows what the robots say and what is true.
 
 use crate::driver::{self, Browser, say};
-use crate::{MACHINE, estop_all, gamepad, map};
+use crate::{alone, estop_all, gamepad, map};
 use fleet_tests::processes::{Process, Signal, program};
 use fleet_tests::{GroundTruth, Monitor, eventually, name};
 use serde_json::Value;
@@ -301,7 +301,7 @@ async fn an_operator_sends_closes_a_way_stops_all_starts_again_and_drives_by_gam
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let began = Instant::now();
     let mut lab = Lab::start().await;
     let browser = Browser::start().await;

@@ -2,7 +2,7 @@
 
 use crate::driver::{self, say};
 use crate::hand::{self, drive};
-use crate::{MACHINE, fleet_on_page};
+use crate::{alone, fleet_on_page};
 use fleet_tests::Fleet;
 use serde_json::json;
 use xtb_protocol::messages::RobotState;
@@ -25,7 +25,7 @@ async fn a_robot_stands_when_the_stick_is_let_go_the_page_hidden_or_the_tab_clos
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let (fleet, dashboard, browser) = fleet_on_page(1, 1.0).await;
 
     drive(&fleet, &browser).await;
@@ -73,7 +73,7 @@ async fn a_frozen_browser_stops_the_robot_and_does_not_drive_on_when_it_wakes_up
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let (fleet, _dashboard, browser) = fleet_on_page(1, 1.0).await;
     drive(&fleet, &browser).await;
     let frozen_s = fleet.time_s();
@@ -125,7 +125,7 @@ async fn a_setpoint_comes_only_of_what_is_held_now_and_a_late_tick_lets_go() {
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let (fleet, _dashboard, browser) = fleet_on_page(1, 1.0).await;
     let said = browser.page.execute_async(HOLD, Vec::new()).await.unwrap();
     for nothing in ["nothingHeld", "late", "afterLate", "released", "none"] {

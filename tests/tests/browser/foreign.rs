@@ -1,7 +1,7 @@
 //! A page of somebody else's, open in the same browser, can neither look nor command.
 
 use crate::driver::{self, Browser};
-use crate::{MACHINE, fleet_on_page};
+use crate::{beside_another, fleet_on_page};
 use std::net::SocketAddr;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
@@ -49,7 +49,7 @@ async fn a_page_of_a_foreign_origin_sees_nothing_and_commands_nothing() {
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, dashboard, browser) = fleet_on_page(1, 1.0).await;
     let socket_url = format!("ws://{}/ws", dashboard.address);
     assert_eq!(socket(&browser, &socket_url).await, "open", "the page's own origin may");

@@ -3,7 +3,7 @@
 use crate::driver::{self, Browser, Dashboard, say};
 use crate::hand;
 use crate::signing_in::screen;
-use crate::{MACHINE, fleet_on_page};
+use crate::{alone, fleet_on_page};
 use fleet_tests::{Fleet, GroundTruth, Setup, eventually, name};
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -106,7 +106,7 @@ async fn a_gamepad_drives_while_its_deadman_button_is_held_and_a_lost_one_means_
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let (fleet, _dashboard, browser) = fleet_and_pad().await;
     begin(&browser).await;
     roll(&fleet, &browser).await;
@@ -192,7 +192,7 @@ async fn a_deadman_button_counts_only_when_it_was_pressed_anew_on_a_pad_that_is_
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let (fleet, _dashboard, browser) = fleet_on_page(1, 1.0).await;
     let said = browser.page.execute_async(STEPS, Vec::new()).await.unwrap();
     for nothing in [
@@ -236,7 +236,7 @@ async fn a_robot_that_is_driven_is_under_no_panel_and_no_note_at_any_size() {
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let (fleet, _dashboard, browser) = fleet_on_page(1, 1.0).await;
     begin(&browser).await;
     let in_sight = |what: &'static str| {
@@ -276,7 +276,7 @@ async fn control_is_taken_by_a_button_that_names_its_holder_and_asks_first() {
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let (fleet, _dashboard, browser) = fleet_on_page(1, 1.0).await;
     let connect = vec![fleet.simulator.endpoint().to_owned()];
     let settings = Settings { connect, client: name("alice"), ..Settings::new("lab").unwrap() };

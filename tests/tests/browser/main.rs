@@ -25,10 +25,20 @@ use driver::{Browser, Dashboard};
 use fantoccini::actions::{InputSource, KeyAction, KeyActions};
 use fantoccini::key::Key;
 use fleet_tests::{Fleet, Setup, eventually};
-use tokio::sync::Mutex;
+use tokio::sync::{Semaphore, SemaphorePermit};
 
-/// Held by the test that runs.
-static MACHINE: Mutex<()> = Mutex::const_new(());
+/// Room for the tests that run: two browsers at a time.
+static ROOM: Semaphore = Semaphore::const_new(2);
+
+/// Held by a test that says how soon something has to happen: no other runs meanwhile.
+async fn alone() -> SemaphorePermit<'static> {
+    ROOM.acquire_many(2).await.unwrap()
+}
+
+/// Held by every other test.
+async fn beside_another() -> SemaphorePermit<'static> {
+    ROOM.acquire().await.unwrap()
+}
 
 /// Robots side by side, looking north, and a browser that shows them.
 async fn fleet_on_page(robots: usize, speed: f64) -> (Fleet, Dashboard, Browser) {
@@ -65,7 +75,7 @@ async fn goals_are_clicked_and_reached_and_an_emergency_stop_latches_all() {
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(3, 2.0).await;
     browser.click("[data-tool=goals]").await;
     for number in 1..=3 {
@@ -122,7 +132,7 @@ async fn a_lost_server_is_said_and_what_is_old_is_grey() {
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, dashboard, browser) = fleet_on_page(2, 1.0).await;
     browser.until("all is well", "return document.getElementById('banner').hidden").await;
     drop(dashboard);
@@ -147,7 +157,7 @@ async fn a_server_that_is_stuck_is_said_and_what_is_old_is_grey_until_it_goes_on
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, dashboard, browser) = fleet_on_page(2, 1.0).await;
     let grey = "return [...store.robots.values()].every((robot) => robot.stale && robot.speed_mps === null)
         && document.getElementById('banner').textContent.includes('No data')";
@@ -166,7 +176,7 @@ async fn a_page_that_is_too_slow_says_what_it_leaves_out_and_shows_it_again_when
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(2, 1.0).await;
     // Something else keeps the page's only thread busy for 70 ms of each picture.
     let busy = "window.busy = true;
@@ -220,7 +230,7 @@ async fn the_keyboard_alone_sends_a_goal_and_stops_all() {
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(2, 2.0).await;
     tab_to(&browser, "the list has the focus", "it.dataset.robot === 'xtb-2'").await;
     press(&browser, &[char::from(Key::Enter)]).await;

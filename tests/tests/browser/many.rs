@@ -2,7 +2,7 @@
 
 use super::driver::{self, Browser, Dashboard};
 use super::signing_in::screen;
-use super::{MACHINE, crowd, press};
+use super::{alone, crowd, press};
 use fantoccini::key::Key;
 use fleet_tests::{Fleet, Setup};
 use serde_json::json;
@@ -29,7 +29,7 @@ async fn of_a_hundred_robots_those_in_trouble_stand_first_and_two_digits_find_on
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let fleet = Fleet::start(Setup { speed: 1.0, ..Setup::default() }).await;
     let crowd = crowd::crowd(&fleet, ROBOTS, EVERY, change).await;
     let dashboard = Dashboard::start(fleet.simulator.endpoint());
@@ -96,7 +96,7 @@ async fn robots_are_filtered_by_name_number_alias_tag_and_state_and_no_row_moves
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = alone().await;
     let (fleet, _dashboard, browser) = super::fleet_on_page(1, 1.0).await;
     let said = browser.page.execute_async(FILTER, Vec::new()).await.unwrap();
     for (text, found) in [

@@ -1,7 +1,7 @@
 //! Editing the map on the page: places, zones, undo, and what somebody else saves meanwhile.
 
 use crate::driver::{self, Browser};
-use crate::{MACHINE, fleet_on_page};
+use crate::{beside_another, fleet_on_page};
 use fantoccini::actions::{InputSource, KeyAction, KeyActions};
 use fantoccini::key::Key;
 use fleet_tests::processes::program;
@@ -72,7 +72,7 @@ async fn a_place_is_named_a_robot_is_sent_there_and_a_new_keep_out_makes_it_plan
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(2, 2.0).await;
     edit(&browser).await;
     place(&browser, "bench", 3.0, 2.5).await;
@@ -127,7 +127,7 @@ async fn changes_are_undone_moved_and_deleted_and_marked_until_they_are_saved() 
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(1, 1.0).await;
     edit(&browser).await;
     let state = |text: &str| format!("return document.getElementById('edit-state').textContent === '{text}'");
@@ -188,7 +188,7 @@ async fn what_somebody_else_has_saved_is_said_and_neither_overwrites_the_other()
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(1, 1.0).await;
     add_place(&fleet, &["bench", "1", "1"]);
     browser.until("the other's place", "return store.places.length === 1").await;

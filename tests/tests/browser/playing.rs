@@ -2,7 +2,7 @@
 //! server, which knows nothing of its robots any more.
 
 use crate::driver::{self, Browser};
-use crate::{MACHINE, fleet_on_page};
+use crate::{beside_another, fleet_on_page};
 use fleet_tests::{eventually, name};
 use std::sync::{Arc, Mutex};
 use xtb_client::scene::Scene;
@@ -30,7 +30,7 @@ async fn the_bar_of_a_recording_shows_where_it_is_pauses_it_and_takes_it_elsewhe
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let tape = Arc::new(Tape(Mutex::new(PlaybackPosition {
         began_ms: 1_700_000_000_000,
         position_ms: 15_400,
@@ -80,7 +80,7 @@ async fn a_page_without_its_server_calls_robots_unknown() {
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, dashboard, browser) = fleet_on_page(1, 1.0).await;
     let bar = "return document.getElementById('playback').childElementCount === 0";
     browser.until("no bar of a fleet that is live", bar).await;

@@ -1,6 +1,6 @@
 //! Telling a robot on the page where it stands.
 
-use crate::{MACHINE, driver, fleet_on_page, map};
+use crate::{beside_another, driver, fleet_on_page, map};
 use fleet_tests::processes::program;
 use std::process::Command;
 
@@ -9,7 +9,7 @@ async fn a_pose_is_pressed_turned_and_set_after_the_page_has_said_what_that_does
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     // So slow that it is still under way when a busy browser has clicked.
     let (fleet, _dashboard, browser) = fleet_on_page(1, 0.2).await;
     browser.click("#set-pose").await;
@@ -52,7 +52,7 @@ async fn a_start_pose_is_chosen_on_the_map_and_set_from_the_page_and_from_the_co
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(2, 1.0).await;
     map::edit(&browser).await;
     for (place, x_m) in [("desk", -3.0), ("mark", 3.0)] {

@@ -2,7 +2,7 @@
 //! what a viewer's page looks like.
 
 use super::driver::{self, Browser};
-use super::{MACHINE, press};
+use super::{beside_another, press};
 use fantoccini::Locator;
 use fantoccini::key::Key;
 use fleet_tests::page_identities::{PageIdentities, token};
@@ -111,7 +111,7 @@ async fn an_operator_signs_in_drives_and_stops_and_is_thrown_out_when_revoked() 
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let secured = Secured::start().await;
     let browser = Browser::start().await;
     browser.page.goto(&secured.dashboard.url()).await.unwrap();
@@ -166,7 +166,7 @@ async fn a_viewers_page_has_the_emergency_stop_alone_and_says_why() {
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let secured = Secured::start().await;
     let browser = Browser::start().await;
     browser.page.goto(&secured.dashboard.url()).await.unwrap();

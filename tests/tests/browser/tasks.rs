@@ -1,7 +1,7 @@
 //! Tasks of the dispatcher, submitted and cancelled on the page.
 
 use crate::driver;
-use crate::{MACHINE, fleet_on_page};
+use crate::{beside_another, fleet_on_page};
 use fleet_tests::dispatch::Serve;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -9,7 +9,7 @@ async fn a_task_is_made_of_points_on_the_map_put_aside_cancelled_and_begun_again
     if !driver::is_there() {
         return;
     }
-    let _alone = MACHINE.lock().await;
+    let _room = beside_another().await;
     let (fleet, _dashboard, browser) = fleet_on_page(1, 1.0).await;
     let ledger = tempfile::tempdir().unwrap();
     let _serve = Serve::start(fleet.simulator.endpoint(), &ledger.path().join("lab.ledger"));

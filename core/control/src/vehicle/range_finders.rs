@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 /// Channels of the converter for each bumper.
 pub const SLOTS: usize = 8;
-/// Those of them that the board's usual frame and the message `Sensors` hold, the leftmost ones.
+/// Those of them that the board's usual frame holds, the leftmost ones.
 pub const USUAL_SLOTS: usize = 6;
 
 /// One range finder.

@@ -103,8 +103,9 @@ pub trait Message: Serialize + DeserializeOwned {
     const NAME: &'static str;
     /// Version of its layout.
     const VERSION: u32 = 1;
-    /// The version before, if programs that speak it are still understood: it has the layout of this one, with fewer
-    /// variants at the end of its enums. Whether a message can be said in it.
+    /// The version before, if programs that speak it are still understood: whether a message can be said in it. It has
+    /// the layout of this one, with fewer variants at the end of its enums, unless
+    /// [`read_previous`](Self::read_previous) and [`write_previous`](Self::write_previous) say otherwise.
     const PREVIOUS: Option<fn(&Self) -> bool> = None;
     /// Longest that is read or written, in bytes.
     const MAX_BYTES: usize = crate::wire::MAX_BYTES;
@@ -113,6 +114,22 @@ pub trait Message: Serialize + DeserializeOwned {
     /// is not believed.
     fn speaker(&self) -> Option<&Name> {
         None
+    }
+
+    /// Reads the bytes of the version before, and what is left of them.
+    ///
+    /// # Errors
+    /// Not its layout.
+    fn read_previous(bytes: &[u8]) -> postcard::Result<(Self, &[u8])> {
+        postcard::take_from_bytes(bytes)
+    }
+
+    /// The bytes of the version before, which [can say it](Self::PREVIOUS).
+    ///
+    /// # Errors
+    /// What serde cannot write.
+    fn write_previous(&self) -> postcard::Result<Vec<u8>> {
+        postcard::to_allocvec(self)
     }
 
     /// Checks what the type cannot hold.

@@ -11,6 +11,7 @@ mod map_edit;
 mod near;
 mod param;
 mod previous;
+mod sensors_v3;
 mod sim;
 mod standby;
 mod v1;
@@ -36,10 +37,20 @@ fn hex(bytes: &[u8]) -> String {
 
 /// Both encodings of a message are as pinned, and read back as the message.
 fn pinned<M: Message + PartialEq + std::fmt::Debug>(message: &M, postcard: &str, json: &str) {
-    let bytes = encode(message, Format::Postcard).unwrap();
+    pinned_in(Format::Postcard, message, postcard, json);
+}
+
+/// The same with the bytes of this version.
+fn pinned_in<M: Message + PartialEq + std::fmt::Debug>(
+    version: Format,
+    message: &M,
+    postcard: &str,
+    json: &str,
+) {
+    let bytes = encode(message, version).unwrap();
     let text = encode(message, Format::Json).unwrap();
     assert_eq!((hex(&bytes).as_str(), std::str::from_utf8(&text).unwrap()), (postcard, json));
-    for (format, bytes) in [(Format::Postcard, &bytes), (Format::Json, &text)] {
+    for (format, bytes) in [(version, &bytes), (Format::Json, &text)] {
         let (read, said) = decode::<M>(&encoding::<M>(format), bytes).unwrap();
         assert_eq!((&read, said), (message, format));
     }

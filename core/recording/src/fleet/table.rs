@@ -1,7 +1,7 @@
 //! Recordings as tables: a message becomes a row, its fields become columns. Pure.
 //!
 //! Columns come from the type's schema, so they are the same for every recording: `log_ns` and `topic`,
-//! then the fields in alphabetical order, a field of a field behind a dot (`pose.x_m`), rows of numbers
+//! then the fields in alphabetical order, a field of a field behind a dot (`pose.x_m`), short rows of numbers
 //! by their place (`ir_front.0`). Lists and what goes by names stand in one cell as JSON. Quoting is
 //! RFC 4180's; null is an empty cell. A text that a spreadsheet would take for a formula has an apostrophe before it.
 
@@ -9,7 +9,7 @@ use crate::schema::Schema;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// Longest fixed row of numbers that gets columns of its own.
+/// Longest row of numbers that gets columns of its own.
 const MOST_PLACES: u64 = 16;
 
 /// A table of one type of message.
@@ -92,7 +92,7 @@ fn columns_of(schema: &Value, path: &str, columns: &mut BTreeSet<String>) {
         let field_path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
         columns_of(field, &field_path, columns);
     }
-    if let Some(places) = fixed_places(schema) {
+    if let Some(places) = places(schema) {
         columns.extend((0..places).map(|place| format!("{path}.{place}")));
         return;
     }
@@ -102,10 +102,9 @@ fn columns_of(schema: &Value, path: &str, columns: &mut BTreeSet<String>) {
     }
 }
 
-/// How long a row of numbers always is.
-fn fixed_places(schema: &Value) -> Option<u64> {
-    let length = |name: &str| schema.get(name).and_then(Value::as_u64);
-    let places = length("minItems").filter(|min| Some(*min) == length("maxItems"))?;
+/// How long a row of numbers is at most.
+fn places(schema: &Value) -> Option<u64> {
+    let places = schema.get("maxItems").and_then(Value::as_u64)?;
     let mut items: Vec<&Value> = schema.get("items").filter(|it| it.is_object()).into_iter().collect();
     items.extend(schema.get("prefixItems").and_then(Value::as_array).into_iter().flatten());
     let number = |item: &&Value| {
@@ -159,9 +158,14 @@ mod tests {
     #[test]
     fn rows_of_numbers_have_a_column_for_each_place() {
         let table = table("xtb.Sensors");
-        let row = table.row(0, "t", &json!({"ir_front_cm": [null, 12.5, null, 30, 1, 2], "rpm": -3.5}));
-        let places = [0, 1, 5].map(|n| value_of(&table, &row, &format!("ir_front_cm.{n}")));
-        assert_eq!(places, ["", "12.5", "2"]);
+        let row = table.row(
+            0,
+            "t",
+            &json!({"ir_front_cm": [null, 12.5, null, 30, 1, 2], "tilt": [5, 6], "rpm": -3.5}),
+        );
+        let places = [0, 1, 5, 7].map(|n| value_of(&table, &row, &format!("ir_front_cm.{n}")));
+        assert_eq!(places, ["", "12.5", "2", ""]);
+        assert_eq!(value_of(&table, &row, "tilt.1"), "6");
         assert_eq!(value_of(&table, &row, "rpm"), "-3.5");
     }
 

@@ -6,7 +6,7 @@ use crate::faults::INPUT_LOST_MS;
 use crate::motion::Motion;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::pistons::height_m;
-use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
+use xtb_control::vehicle::{Drivetrain, Platform};
 use xtb_control::{AdcCount, PwmCount, Stamp};
 use xtb_protocol::bno085::{Bno085Counter, RVC_LEN};
 use xtb_protocol::board::{BoardIdentity, BoardStatus, LineCounters};
@@ -180,36 +180,34 @@ impl Robot {
     #[must_use]
     pub fn sensors(&self, now: Stamp) -> Option<Sensors> {
         let adc = self.newest.adc?;
-        let counts = |side: &[AdcCount; SLOTS]| usual(&side.map(|count| count.get() as u16));
+        let config = self.controller.config();
+        let [front, rear] = [&config.range_finders.front, &config.range_finders.rear].map(|it| it.0.len());
+        let counts = |side: &[AdcCount]| side.iter().map(|count| count.get() as u16).collect();
         let pwm = &self.outputs.pwm;
         let remote = self.newest.remote;
-        let limits = &self.controller.config().pistons;
+        let has_platform = config.platform != Platform::Off;
+        let has_rear_steering = config.drivetrain == Drivetrain::BothAxles;
         Some(Sensors {
             robot: self.agent.identity().robot.clone(),
             tick_ms: now.ms(),
             gyro_yaw: self.newest.gyro.yaw,
             encoder_pulses: self.newest.pulses,
-            ir_front: counts(&adc.ir_front),
-            ir_rear: counts(&adc.ir_rear),
-            ir_front_cm: usual(&self.outputs.ir_front_cm),
-            ir_rear_cm: usual(&self.outputs.ir_rear_cm),
-            tilt: adc.tilt.map(AdcCount::get),
-            pistons: adc.pistons.map(AdcCount::get),
-            pistons_m: adc.pistons.map(|reading| height_m(limits, reading)),
-            remote: [remote.speed, remote.steering, remote.selector],
+            ir_front: counts(&adc.ir_front[..front]),
+            ir_rear: counts(&adc.ir_rear[..rear]),
+            ir_front_cm: self.outputs.ir_front_cm[..front].to_vec(),
+            ir_rear_cm: self.outputs.ir_rear_cm[..rear].to_vec(),
+            tilt: has_platform.then(|| adc.tilt.map(AdcCount::get)),
+            pistons: has_platform.then(|| adc.pistons.map(AdcCount::get)),
+            pistons_m: has_platform.then(|| adc.pistons.map(|reading| height_m(&config.pistons, reading))),
+            remote: config.remote.enabled.then_some([remote.speed, remote.steering, remote.selector]),
             gyro_firmware: self.gyro.starter.firmware(),
             board_firmware: self.newest.status.map(|status| status.firmware.0),
             rpm: self.outputs.rpm,
             motor_counts: pwm.motor.get(),
             steer_front_counts: pwm.steer_front.get(),
-            steer_rear_counts: pwm.steer_rear.get(),
+            steer_rear_counts: has_rear_steering.then(|| pwm.steer_rear.get()),
             bumper_counts: [pwm.bumper_front, pwm.bumper_rear].map(PwmCount::get),
-            piston_counts: pwm.pistons.map(PwmCount::get),
+            piston_counts: has_platform.then(|| pwm.pistons.map(PwmCount::get)),
         })
     }
-}
-
-/// What the message has room for.
-fn usual<T: Copy>(side: &[T; SLOTS]) -> [T; USUAL_SLOTS] {
-    std::array::from_fn(|slot| side[slot])
 }

@@ -12,7 +12,7 @@ use xtb_protocol::messages::{
 use xtb_protocol::{Name, Uuid};
 
 /// A line each: when, in ms; who; what; its encoding without the first part; its bytes.
-const RECORDED: &str = include_str!("dialogues/wire_5.txt");
+const RECORDED: &str = include_str!("dialogues/wire_6.txt");
 const OTHER: &str = "web-alice-1";
 
 fn hex(bytes: &[u8]) -> String {

@@ -2,10 +2,11 @@
 
 use crate::bench::*;
 use std::sync::Arc;
-use xtb_control::vehicle::{BumperFinders, UNSEEN_MPS};
+use xtb_control::vehicle::{BumperFinders, Drivetrain, Platform, RangeFinder, UNSEEN_MPS};
 use xtb_control::{PwmCount, VehicleConfig};
 use xtb_nav::navigator::PreparedMap;
 use xtb_nav::{Grid, Map};
+use xtb_protocol::board::Firmware;
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss, Outcome, RejectCode, Reply, Via};
 
 fn bare(front: bool, rear: bool) -> VehicleConfig {
@@ -88,4 +89,29 @@ fn by_hand_it_is_driven_there_at_a_crawl() {
     bench.run_ms(100);
     assert!((bench.state().reference_rpm + crawl_rpm).abs() < 1e-9, "{}", bench.state().reference_rpm);
     assert!(bench.motor < PwmCount::NEUTRAL);
+}
+
+#[test]
+fn samples_are_of_what_is_fitted() {
+    let sampled = |vehicle: VehicleConfig| {
+        let mut bench = Bench::at_board(vehicle, Firmware(0x0102));
+        bench.run_ms(500);
+        bench.robot.sensors(bench.now).unwrap()
+    };
+    let all = sampled(VehicleConfig::default());
+    assert_eq!((all.ir_front.len(), all.ir_rear_cm.len()), (6, 6));
+    assert!(all.tilt.is_some() && all.pistons.is_some() && all.pistons_m.is_some(), "{all:?}");
+    assert!(all.piston_counts.is_some() && all.remote.is_some() && all.steer_rear_counts.is_some());
+
+    let mut car = bare(false, true);
+    car.range_finders.front.0.resize(8, RangeFinder::at(0.0));
+    (car.drivetrain, car.platform, car.remote.enabled) = (Drivetrain::FrontAxle, Platform::Off, false);
+    let fitted = sampled(car);
+    assert_eq!((fitted.ir_front.len(), fitted.ir_front_cm.len()), (8, 8));
+    assert_eq!((fitted.ir_rear.len(), fitted.ir_rear_cm.len()), (0, 0));
+    assert_eq!(
+        (fitted.tilt, fitted.pistons, fitted.pistons_m, fitted.piston_counts),
+        (None, None, None, None)
+    );
+    assert_eq!((fitted.remote, fitted.steer_rear_counts), (None, None));
 }

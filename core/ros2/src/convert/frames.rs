@@ -6,7 +6,7 @@ use crate::types::{Header, Pose, TfMessage, Time, Transform, TransformStamped, V
 use std::f64::consts::PI;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
-use xtb_control::vehicle::USUAL_SLOTS;
+use xtb_control::vehicle::{RangeFinder, SLOTS};
 use xtb_protocol::Name;
 
 /// The names of a robot's frames.
@@ -19,9 +19,9 @@ pub struct Frames {
     pub base_link: String,
     /// Of the gyro.
     pub imu: String,
-    /// Of the range finders: front, then rear, left to right seen from above with the truck pointing up, the leftmost
-    /// six of each.
-    pub ranges: [String; 12],
+    /// Of the range finders, on the front and on the rear bumper, left to right seen from above with the truck pointing
+    /// up; those that are not fitted are not used.
+    pub ranges: [[String; SLOTS]; 2],
 }
 
 impl Frames {
@@ -31,7 +31,7 @@ impl Frames {
         let prefix = RosName::robot(robot).relative().to_owned();
         let frame = |name: &str| format!("{prefix}/{name}");
         let ranges =
-            std::array::from_fn(|i| frame(&format!("ir_{}_{}", if i < 6 { "front" } else { "rear" }, i % 6)));
+            ["front", "rear"].map(|side| std::array::from_fn(|slot| frame(&format!("ir_{side}_{slot}"))));
         Self { odom: frame("odom"), base_link: frame("base_link"), imu: frame("imu_link"), ranges, prefix }
     }
 
@@ -52,19 +52,17 @@ impl Frames {
             pose.position.z = height_m;
             pose
         };
-        let range = |(i, frame): (usize, &'a String)| {
-            let finders = &vehicle.range_finders;
-            let is_front = i < USUAL_SLOTS;
-            let finder = if is_front { &finders.front } else { &finders.rear }.get(i % USUAL_SLOTS)?;
-            let turned_rad = finder.turned_deg.to_radians();
-            let pose = match is_front {
-                true => at(vehicle.front_m() + finder.ahead_m, finder.left_m, turned_rad),
-                false => at(-(vehicle.rear_m() + finder.ahead_m), finder.left_m, PI - turned_rad),
-            };
-            Some((frame.as_str(), pose))
+        let front = |finder: &RangeFinder| {
+            at(vehicle.front_m() + finder.ahead_m, finder.left_m, finder.turned_deg.to_radians())
         };
-        let imu = (self.imu.as_str(), at(0.0, 0.0, 0.0));
-        std::iter::once(imu).chain(self.ranges.iter().enumerate().filter_map(range)).collect()
+        let rear = |finder: &RangeFinder| {
+            at(-(vehicle.rear_m() + finder.ahead_m), finder.left_m, PI - finder.turned_deg.to_radians())
+        };
+        let [front_frames, rear_frames] = self.ranges.each_ref().map(|side| side.iter().map(String::as_str));
+        let mut sensors = vec![(self.imu.as_str(), at(0.0, 0.0, 0.0))];
+        sensors.extend(front_frames.zip(vehicle.range_finders.front.0.iter().map(front)));
+        sensors.extend(rear_frames.zip(vehicle.range_finders.rear.0.iter().map(rear)));
+        sensors
     }
 
     /// The transforms that never change.

@@ -9,7 +9,7 @@ use crate::types::{
 use xtb_control::VehicleConfig;
 use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_control::range_curve::RangeCurve;
-use xtb_control::vehicle::USUAL_SLOTS;
+use xtb_control::vehicle::RangeFinder;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{PoseState, RobotState};
 use xtb_robot::motion::Motion;
@@ -23,8 +23,6 @@ const YAW_RATE_VARIANCE: f64 = 1e-4;
 /// A beam's width is given at this distance, in m.
 const BEAM_AT_M: f64 = 0.8;
 const INFRARED: u8 = 1;
-/// Readings of a bumper in cm, left to right; `None` = nothing in range.
-type SixRanges = [Option<f64>; USUAL_SLOTS];
 const DISCHARGING: u8 = 2;
 /// Poses of a path are this far apart, in m.
 const PLAN_STEP_M: f64 = 0.05;
@@ -122,16 +120,13 @@ impl Robot {
         })
     }
 
-    /// The range finders that are fitted, as the message `Sensors` has them in cm, so the leftmost six of a bumper; in
-    /// the order of [`Frames::ranges`].
+    /// The range finders that are fitted, on the front and on the rear bumper, left to right, as the message `Sensors`
+    /// has them in cm.
     #[must_use]
-    pub fn ranges(&self, stamp: &Time, front_cm: &SixRanges, rear_cm: &SixRanges) -> Vec<Range> {
-        let finders = [&self.vehicle.range_finders.front, &self.vehicle.range_finders.rear];
-        let readings = front_cm.iter().chain(rear_cm).zip(&self.frames.ranges).enumerate();
-        let range = |(i, (cm, frame)): (usize, (&Option<f64>, &String))| {
-            let finder = finders[i / USUAL_SLOTS].get(i % USUAL_SLOTS)?;
+    pub fn ranges(&self, stamp: &Time, front_cm: &[Option<f64>], rear_cm: &[Option<f64>]) -> [Vec<Range>; 2] {
+        let range = |((finder, frame), cm): ((&RangeFinder, &String), &Option<f64>)| {
             let limits_m = limits_m(finder.curve);
-            Some(Range {
+            Range {
                 header: header(stamp, frame),
                 radiation_type: INFRARED,
                 field_of_view: (finder.beam_m / BEAM_AT_M) as f32,
@@ -139,9 +134,11 @@ impl Robot {
                 max_range: limits_m.1,
                 range: range_m(*cm, limits_m),
                 variance: 0.0,
-            })
+            }
         };
-        readings.filter_map(range).collect()
+        let (fitted, [front, rear]) = (&self.vehicle.range_finders, &self.frames.ranges);
+        [(&fitted.front, front, front_cm), (&fitted.rear, rear, rear_cm)]
+            .map(|(fitted, frames, cm)| fitted.0.iter().zip(frames).zip(cm).map(range).collect())
     }
 }
 

@@ -6,6 +6,7 @@ use crate::types::{Header, Level, Message, Point, Pose, Quaternion, Time};
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 use xtb_control::frames::MapPose;
+use xtb_control::vehicle::RangeFinder;
 use xtb_control::{Mode, VehicleConfig};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
@@ -157,11 +158,28 @@ fn a_pose_that_no_car_can_take_says_why() {
 #[test]
 fn nothing_in_range_is_infinite_and_too_near_is_minus_infinite() {
     let front = [None, Some(9.74), Some(10.0), Some(25.0), Some(80.0), Some(95.0)];
-    let ranges = robot().ranges(&stamp(), &front, &[None; 6]);
-    let values: Vec<f32> = ranges.iter().map(|range| range.range).collect();
-    assert_eq!(values[..6], [f32::INFINITY, f32::NEG_INFINITY, 0.1, 0.25, 0.8, f32::INFINITY]);
-    assert!(values[6..].iter().all(|value| *value == f32::INFINITY));
-    assert_eq!((ranges.len(), ranges[6].header.frame_id.as_str()), (12, "xtb_1/ir_rear_0"));
+    let [front, rear] = robot().ranges(&stamp(), &front, &[None; 6]);
+    let values: Vec<f32> = front.iter().map(|range| range.range).collect();
+    assert_eq!(values, [f32::INFINITY, f32::NEG_INFINITY, 0.1, 0.25, 0.8, f32::INFINITY]);
+    assert!(rear.iter().all(|range| range.range == f32::INFINITY));
+    assert_eq!((rear.len(), rear[0].header.frame_id.as_str()), (6, "xtb_1/ir_rear_0"));
+}
+
+#[test]
+fn each_range_finder_that_is_fitted_has_its_own_frame_however_many_the_other_bumper_has() {
+    let mut robot = robot();
+    robot.vehicle.range_finders.front.0.resize(8, RangeFinder::at(0.0));
+    robot.vehicle.range_finders.rear.0.truncate(1);
+    let [front, rear] = robot.ranges(&stamp(), &[Some(40.0); 8], &[Some(50.0)]);
+    let frames: Vec<&str> = front.iter().chain(&rear).map(|it| it.header.frame_id.as_str()).collect();
+    assert_eq!(
+        (frames[0], frames[7], frames[8]),
+        ("xtb_1/ir_front_0", "xtb_1/ir_front_7", "xtb_1/ir_rear_0")
+    );
+    assert_eq!((frames.len(), rear[0].range), (9, 0.5));
+    let fixed = robot.static_transforms(&stamp()).transforms;
+    let fixed: Vec<&str> = fixed[1..].iter().map(|it| it.child_frame_id.as_str()).collect();
+    assert_eq!(fixed, frames);
 }
 
 #[test]
@@ -182,7 +200,10 @@ fn the_sensors_sit_on_the_bumpers_left_to_right() {
 #[test]
 fn the_description_has_a_link_for_each_frame() {
     let (text, robot) = (robot().description(), robot());
-    for frame in [&robot.frames.base_link, &robot.frames.imu].into_iter().chain(&robot.frames.ranges) {
+    for frame in [&robot.frames.base_link, &robot.frames.imu]
+        .into_iter()
+        .chain(robot.frames.ranges.iter().flat_map(|side| &side[..6]))
+    {
         assert_eq!(text.matches(&format!("<link name=\"{frame}\"")).count(), 1, "{text}");
     }
     assert_eq!((text.matches("<joint ").count(), text.matches("<cylinder ").count()), (13, 4));

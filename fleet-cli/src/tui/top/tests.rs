@@ -105,7 +105,7 @@ fn fleet() -> Scene {
     scene.take(7_000, &key("xtb-5/alive"), AnyMessage::Alive(false));
     scene.expect(RosterEntry { name: name("xtb-6"), tags: Vec::new(), start_pose: None });
     let mut sensors = fake::sensors("xtb-2");
-    sensors.ir_front_cm = [None, Some(20.0), Some(21.0), None, None, Some(30.0)];
+    sensors.ir_front_cm = vec![None, Some(20.0), Some(21.0), None, None, Some(30.0)];
     scene.take(9_900, &key("xtb-2/sensors"), sensors.into());
     scene.take(9_000, &key("dispatch/alive"), AnyMessage::Alive(true));
     let mut task = fake::task(3, TaskState::Running);

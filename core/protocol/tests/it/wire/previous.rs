@@ -1,19 +1,21 @@
 //! The version of the wire before: what its programs wrote, as they wrote it, is read today, and said again in their
-//! version it has their bytes. `wire_5.txt` was printed by the tests of that version and is never edited to pass. When
+//! version it has their bytes. `wire_6.txt` was printed by the tests of that version and is never edited to pass. When
 //! the wire changes, a file with today's bytes takes its place.
 
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::{Format, decode, encode, encoding};
 use xtb_protocol::messages::{
-    About, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, Estop,
-    Estopped, Event, Fix, FleetMap, IdentityStatus, LogReply, LogRequest, Message, NearState, Reply, Request,
-    RobotState, Roster, Route, Sensors, Setpoint, SimStats, StandbyReply, StandbyRequest, TaskChange,
-    TaskEvent, TaskId, TaskList, TaskState, TrafficState, Truth, Waypoint,
+    About, AckReply, AckRequest, DispatchBody, DispatchCode, DispatchError, DispatchOutcome, DispatchReply,
+    DispatchRequest, Estop, Estopped, Event, Fix, FleetAlerts, FleetHomes, FleetMap, FleetPlaces,
+    HistoryReply, HistoryRequest, IdentityStatus, LogReply, LogRequest, MapEdit, MapEditReply, MapHistory,
+    Message, NearState, ParamReply, ParamRequest, Reply, Request, RobotState, Roster, Route, Sensors,
+    Setpoint, SimStats, StandbyReply, StandbyRequest, TaskChange, TaskEvent, TaskId, TaskList, TaskState,
+    TrafficState, Truth, Waypoint,
 };
 use xtb_protocol::wire::{CodecError, WIRE};
 
 /// A line each: the type; `json` or the version; the JSON or the bytes.
-const SAID: &str = include_str!("wire_5.txt");
+const SAID: &str = include_str!("wire_6.txt");
 
 /// An encoding and bytes in it.
 type Said = (String, Vec<u8>);
@@ -30,7 +32,6 @@ struct Kind {
 fn kind<M: Message>() -> Kind {
     let again = |written: &str, bytes: &[u8]| {
         let (message, format) = decode::<M>(written, bytes)?;
-        let format = if format == Format::Json { Format::Json } else { Format::Previous };
         Ok((encoding::<M>(format), encode(&message, format)?))
     };
     Kind { name: M::NAME, version: M::VERSION, again }
@@ -40,17 +41,29 @@ fn kind<M: Message>() -> Kind {
 fn kinds() -> Vec<Kind> {
     vec![
         kind::<About>(),
+        kind::<AckReply>(),
+        kind::<AckRequest>(),
         kind::<DispatchReply>(),
         kind::<DispatchRequest>(),
         kind::<Estop>(),
         kind::<Estopped>(),
         kind::<Event>(),
         kind::<Fix>(),
+        kind::<FleetAlerts>(),
+        kind::<FleetHomes>(),
         kind::<FleetMap>(),
+        kind::<FleetPlaces>(),
+        kind::<HistoryReply>(),
+        kind::<HistoryRequest>(),
         kind::<IdentityStatus>(),
         kind::<LogReply>(),
         kind::<LogRequest>(),
+        kind::<MapEdit>(),
+        kind::<MapEditReply>(),
+        kind::<MapHistory>(),
         kind::<NearState>(),
+        kind::<ParamReply>(),
+        kind::<ParamRequest>(),
         kind::<Reply>(),
         kind::<Request>(),
         kind::<RobotState>(),
@@ -77,14 +90,16 @@ fn unhex(text: &str) -> Vec<u8> {
 fn this_version_of_the_wire_is_these_versions_of_the_types() {
     let versions: Vec<String> =
         kinds().iter().map(|kind| format!("{} {}", kind.name, kind.version)).collect();
-    assert_eq!(WIRE, 6);
+    assert_eq!(WIRE, 7);
     assert_eq!(
         versions.join(", "),
         concat!(
-            "About 1, DispatchReply 3, DispatchRequest 3, Estop 1, Estopped 1, Event 4, Fix 1, FleetMap 1, ",
-            "IdentityStatus 2, LogReply 2, LogRequest 1, NearState 1, Reply 1, Request 2, RobotState 5, Roster 1, ",
-            "Route 1, Sensors 2, Setpoint 1, SimStats 1, StandbyReply 1, StandbyRequest 1, TaskEvent 1, TaskList 2, ",
-            "TrafficState 1, Truth 1"
+            "About 1, AckReply 1, AckRequest 1, DispatchReply 3, DispatchRequest 3, Estop 1, Estopped 1, Event 4, ",
+            "Fix 1, FleetAlerts 1, FleetHomes 1, FleetMap 1, FleetPlaces 1, HistoryReply 1, HistoryRequest 1, ",
+            "IdentityStatus 2, LogReply 2, LogRequest 1, MapEdit 1, MapEditReply 1, MapHistory 1, NearState 1, ",
+            "ParamReply 1, ParamRequest 1, Reply 1, Request 2, RobotState 5, Roster 1, Route 1, Sensors 3, ",
+            "Setpoint 1, SimStats 1, StandbyReply 1, StandbyRequest 1, TaskEvent 1, TaskList 2, TrafficState 1, ",
+            "Truth 1",
         )
     );
 }
@@ -144,6 +159,22 @@ fn versions_before_that_and_of_the_future_are_refused() {
             let refused = again(&format!("application/x-postcard;xtb.{name}.v{other}"), &[]).unwrap_err();
             assert!(matches!(refused, CodecError::WrongVersion { .. }), "{name} {other}: {refused}");
         }
+    }
+}
+
+#[test]
+fn what_a_robot_has_not_cannot_be_said_of_a_robot_of_before() {
+    let said = |text: &str| decode::<Sensors>("application/json", text.as_bytes()).unwrap().0;
+    let line = SAID.lines().find_map(|line| line.strip_prefix("Sensors json ")).unwrap();
+    assert!(encode(&said(line), Format::Previous).is_ok());
+    for without in [
+        line.replace(r#""tilt":[512.5,513.0]"#, r#""tilt":null"#),
+        line.replace(r#""remote":[938,null,58275]"#, r#""remote":null"#),
+        line.replace("[1,1,1,1,1,1]", "[1]").replace("[null,null,null,null,null,null]", "[null]"),
+    ] {
+        assert_ne!(line, without);
+        let refused = encode(&said(&without), Format::Previous).unwrap_err();
+        assert!(matches!(refused, CodecError::TooNew { version: 2, .. }), "{refused}");
     }
 }
 
