@@ -148,6 +148,7 @@ fn main() -> ExitCode {
             VERBS.len(),
             failed.join("; ").replace('\n', " ")
         );
+        said_of_samples(&lab);
         if mix.cli {
             said_of_releases(&lab);
         }
@@ -163,6 +164,11 @@ fn said_of_releases(lab: &Lab<'_>) {
     {
         println!("  doctor: {} {}: {}", finding["level"], finding["robot"], finding["text"]);
     }
-    let (code, _, said) = lab.run("extend t1 1,2");
-    println!("  extend of a task: {code}, {}", said.trim());
+}
+
+/// What the people's program makes of samples, which have another version in each release.
+fn said_of_samples(lab: &Lab<'_>) {
+    let (_, seen, said) = lab.run("watch xtb/*/xtb-9/sensors --count 1");
+    let word = seen["error"].as_str().or(seen["type"].as_str()).unwrap_or(said.trim());
+    println!("  samples of xtb-9: {word}");
 }
