@@ -1,4 +1,4 @@
-//! Bumper servos (§4.5, Annex A.1): the angle of the six range finders above the horizontal.
+//! Bumper servos (§4.5, Annex A.1): the angle of its range finders above the horizontal.
 //!
 //! The servo gets the pulse that its calibration gives for the configured angle, and the ranging
 //! stage gets the angle that this pulse stands for (θ in hyp · cos θ). The memorandum says no more

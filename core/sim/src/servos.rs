@@ -118,7 +118,7 @@ impl SteeringAxle {
     }
 }
 
-/// The servo that tilts a bumper with its six range finders.
+/// The servo that tilts a bumper with its range finders.
 #[derive(Debug, Clone)]
 pub(crate) struct BumperServo {
     servo: Servo,

@@ -195,7 +195,8 @@ export class Picture {
   }
 
   // What the range finders of one side see, as an area before the bumper.
-  #sight(view, pose, beams, cms) {
+  #sight(view, pose, beams, readings) {
+    const cms = readings.slice(0, beams.length); // more than those that the factsheet names mean nothing
     if (cms.every((cm) => cm === null)) return;
     const context = this.#context;
     context.beginPath();

@@ -162,6 +162,7 @@ function plot(name, spec, robot) {
 
 function far(robot, side) {
   if (!robot.ir_cm) return "unknown";
+  if (robot.ir_cm[side].length === 0) return "none fitted";
   const cm = nearest(robot.ir_cm[side]);
   return cm === null ? "clear" : number(cm, 0, "cm");
 }

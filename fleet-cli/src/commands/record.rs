@@ -215,7 +215,7 @@ fn words(ended: &Ended) -> String {
         ));
     }
     if unreadable > 0 {
-        text.push_str(&format!("\n{unreadable} messages of other programs were skipped"));
+        text.push_str(&format!("\n{unreadable} messages of other programs or another release were skipped"));
     }
     text
 }

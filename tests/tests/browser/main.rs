@@ -1,7 +1,7 @@
 //! The dashboard in a real browser: a headless Chromium shows the page of a real server, which drives
 //! simulated robots over a real router. What became of them is judged by the ground truth.
 //!
-//! A binary of its own, one test at a time: a browser beside sixty other tests would be slow.
+//! A binary of its own, two tests at a time, and those that measure alone: a browser beside sixty other tests would be slow.
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 

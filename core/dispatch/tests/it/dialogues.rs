@@ -13,6 +13,8 @@ use xtb_protocol::messages::{
 
 /// A line each: when, in ms since the start; who; what; its encoding without the first part; its bytes.
 const RECORDED: &str = include_str!("dialogues/wire_6.txt");
+/// Of wire 5, whose questions (`DispatchRequest` 2) are read still and answered in their version.
+const RECORDED_IN_5: &str = include_str!("dialogues/wire_5.txt");
 
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
@@ -78,8 +80,14 @@ impl Desk {
 
 #[test]
 fn a_client_of_the_version_before_gets_the_answers_that_it_got_and_robots_are_asked_the_same() {
+    assert_eq!(answered_as(RECORDED), Format::Postcard);
+    assert_eq!(answered_as(RECORDED_IN_5), Format::Previous);
+}
+
+/// The format that the dispatcher answers in, as it did then.
+fn answered_as(recorded: &str) -> Format {
     let (mut desk, mut expected, mut asked) = (Desk::new(), String::new(), 0);
-    for line in RECORDED.lines() {
+    for line in recorded.lines() {
         let [at, who, what, schema, bytes] = line.split(' ').collect::<Vec<_>>().try_into().unwrap();
         desk.run_until(at.parse().unwrap());
         if what == "ask" {
@@ -91,6 +99,7 @@ fn a_client_of_the_version_before_gets_the_answers_that_it_got_and_robots_are_as
     }
     assert_eq!(desk.said, expected);
     assert!(asked > 12 && expected.lines().count() > 20, "{asked} questions");
+    desk.format
 }
 
 struct Recorder {

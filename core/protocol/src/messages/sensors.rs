@@ -1,6 +1,6 @@
 //! What a robot measures, raw and converted.
 
-use super::Message;
+use super::{Message, finite};
 use crate::keys::Name;
 use crate::wire::CodecError;
 use serde::{Deserialize, Serialize};
@@ -38,8 +38,8 @@ pub struct Sensors {
     pub pistons: Option<[f64; 4]>,
     /// Heights of the pistons FL, FR, RL, RR; `None` = no levelling platform.
     pub pistons_m: Option<[f64; 4]>,
-    /// Remote control: speed, steering, selector in time counts of 1.6 µs, each `None` = no pulse; `None` = no
-    /// receiver.
+    /// Remote control: speed, steering, selector in time counts of 1.6 µs, each `None` = no pulse; `None` = the
+    /// vehicle's settings have none (`remote.enabled`).
     pub remote: Option<[Option<u32>; 3]>,
     /// The gyro's firmware (1300 = 1.3.00); `None` = it has not answered.
     pub gyro_firmware: Option<u16>,
@@ -79,10 +79,16 @@ impl Message for Sensors {
     }
 
     fn validate(&self) -> Result<(), CodecError> {
+        finite("rpm", Some(self.rpm))?;
+        let platform = [self.pistons, self.pistons_m].into_iter().flatten().flatten();
+        for value in platform.chain(self.tilt.into_iter().flatten()) {
+            finite("tilt or piston", Some(value))?;
+        }
         for (counts, readings) in [(&self.ir_front, &self.ir_front_cm), (&self.ir_rear, &self.ir_rear_cm)] {
             check("range finders of a bumper", counts.len() as f64, 0.0, SLOTS as f64, "")?;
             let fitted = counts.len() as f64;
             check("readings of a bumper's range finders", readings.len() as f64, fitted, fitted, "")?;
+            readings.iter().try_for_each(|cm| finite("reading of a range finder", *cm))?;
         }
         Ok(())
     }

@@ -52,7 +52,7 @@ pub struct Counts {
     pub derived: u64,
     /// Messages that were written again at the beginning of a further file, because they still held.
     pub repeated: u64,
-    /// Messages that are none of ours, or on more than 4096 keys.
+    /// Messages that cannot be read (of other programs, or another release), or on more than 4096 keys.
     pub unreadable: u64,
     /// Messages that came faster than they could be written.
     pub dropped: u64,

@@ -6,7 +6,7 @@ use crate::faults::INPUT_LOST_MS;
 use crate::motion::Motion;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::pistons::height_m;
-use xtb_control::vehicle::{Drivetrain, Platform};
+use xtb_control::vehicle::{Drivetrain, Platform, SLOTS};
 use xtb_control::{AdcCount, PwmCount, Stamp};
 use xtb_protocol::bno085::{Bno085Counter, RVC_LEN};
 use xtb_protocol::board::{BoardIdentity, BoardStatus, LineCounters};
@@ -181,7 +181,8 @@ impl Robot {
     pub fn sensors(&self, now: Stamp) -> Option<Sensors> {
         let adc = self.newest.adc?;
         let config = self.controller.config();
-        let [front, rear] = [&config.range_finders.front, &config.range_finders.rear].map(|it| it.0.len());
+        let [front, rear] =
+            [&config.range_finders.front, &config.range_finders.rear].map(|it| it.0.len().min(SLOTS));
         let counts = |side: &[AdcCount]| side.iter().map(|count| count.get() as u16).collect();
         let pwm = &self.outputs.pwm;
         let remote = self.newest.remote;

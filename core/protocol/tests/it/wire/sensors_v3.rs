@@ -3,7 +3,7 @@
 
 use super::{name, pinned};
 use xtb_protocol::codec::{Format, decode, encode, encoding};
-use xtb_protocol::messages::Sensors;
+use xtb_protocol::messages::{Message, Sensors};
 use xtb_protocol::wire::CodecError;
 
 /// A car with a front steering, eight range finders ahead and one behind, and nothing else.
@@ -101,4 +101,37 @@ fn nine_range_finders_or_a_reading_without_one_are_no_bumper() {
     refused(|sensors| (sensors.ir_front, sensors.ir_front_cm) = (vec![0; 9], vec![None; 9]));
     refused(|sensors| sensors.ir_rear_cm.push(None));
     refused(|sensors| sensors.ir_rear.clear());
+}
+
+#[test]
+fn what_is_no_number_is_refused_in_either_version() {
+    let all = |sensors: &mut Sensors| {
+        (sensors.ir_front, sensors.ir_front_cm) = (vec![1; 6], vec![None; 6]);
+        (sensors.ir_rear, sensors.ir_rear_cm) = (vec![1; 6], vec![None; 6]);
+        (sensors.tilt, sensors.pistons, sensors.pistons_m) = (Some([0.0; 2]), Some([0.0; 4]), Some([0.0; 4]));
+        (sensors.remote, sensors.steer_rear_counts, sensors.piston_counts) =
+            (Some([None; 3]), Some(0), Some([0; 4]));
+    };
+    let wrong: [fn(&mut Sensors); 5] = [
+        |sensors| sensors.rpm = f64::NAN,
+        |sensors| sensors.ir_front_cm[3] = Some(f64::NAN),
+        |sensors| sensors.ir_rear_cm[0] = Some(f64::INFINITY),
+        |sensors| sensors.tilt = Some([0.0, f64::NAN]),
+        |sensors| sensors.pistons_m = Some([f64::NEG_INFINITY; 4]),
+    ];
+    for make_wrong in wrong {
+        let mut sensors = sensors();
+        all(&mut sensors);
+        let previous = encode(&sensors, Format::Previous).unwrap();
+        assert!(decode::<Sensors>(&encoding::<Sensors>(Format::Previous), &previous).is_ok());
+        make_wrong(&mut sensors);
+        assert!(matches!(encode(&sensors, Format::Postcard), Err(CodecError::OutOfRange(_))));
+        for (format, bytes) in [
+            (Format::Postcard, postcard::to_allocvec(&sensors).unwrap()),
+            (Format::Previous, sensors.write_previous().unwrap()),
+        ] {
+            let read = decode::<Sensors>(&encoding::<Sensors>(format), &bytes);
+            assert!(matches!(read, Err(CodecError::OutOfRange(_))), "{format:?} {read:?}");
+        }
+    }
 }

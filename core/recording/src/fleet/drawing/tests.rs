@@ -110,7 +110,7 @@ fn a_car_and_what_it_sees_are_drawn_where_its_factsheet_says() {
     );
     let mut sensors = xtb_client::fake::sensors("xtb-1");
     sensors.ir_front_cm[0] = Some(30.0);
-    sensors.ir_front_cm[1] = Some(30.0); // a channel without a range finder
+    sensors.ir_front_cm[1] = Some(30.0); // more than the factsheet names
     let seen = painter.draw(MS, &key("xtb/lab/xtb-1/sensors"), &sensors.into()).unwrap();
     let points = &seen.entities[0].lines[0].points;
     assert_eq!(points.len(), 2, "one stroke");
