@@ -45,3 +45,10 @@ fn four_kinds_together_reach_their_goals_or_say_truly_why_not_and_touch_nothing(
         assert!(life.reached >= 12, "{life:?}");
     }
 }
+
+/// The crawler has reached a goal in the lane a little farther across and nearer to the wall than planned.
+#[test]
+fn a_car_that_the_look_out_leaves_no_way_is_led_on_with_less_of_it() {
+    let life = all_kinds(118, 70.0);
+    assert!(life.failed.is_empty() && life.touched.is_empty(), "{life:?}");
+}

@@ -75,8 +75,8 @@ struct Node {
 /// Tick of arrival, tick until which it may stay, cost.
 type Seen = (u32, u32, f64);
 
-/// Looks for a way, and closer where what is fixed leaves none to large steps; out of a place where something keeps a
-/// truck standing with less look-out. At most so many nodes are expanded, and each counts one down in `left`.
+/// Looks for a way, and closer where what is fixed leaves none to large steps; out of a place where that leaves none
+/// either (a thing, or a wall that it has ended near to) with less look-out. At most so many nodes are expanded, and each counts one down in `left`.
 pub(super) fn search(task: &Task<'_>, most: u32, left: &mut u32) -> Result<Vec<Leg>, Stuck> {
     let mut budget = most.min(*left);
     *left -= budget;
@@ -89,7 +89,7 @@ pub(super) fn search(task: &Task<'_>, most: u32, left: &mut u32) -> Result<Vec<L
         && (things.len() == task.others.len() || look(&alone, &COARSE, LOOK_OUT_M) == Err(Stuck::Nowhere))
     {
         found = look(task, &FINE, LOOK_OUT_M);
-        if found == Err(Stuck::Nowhere) && !things.is_empty() {
+        if found == Err(Stuck::Nowhere) {
             found = look(task, &FINE, INFRARED_STOPS_M);
         }
     }
