@@ -10,6 +10,7 @@ mod elf;
 mod faults;
 mod uf2;
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::{env, fs};
@@ -51,12 +52,31 @@ fn target_folder(workspace: &Path) -> PathBuf {
     env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace.join("target"), PathBuf::from)
 }
 
+/// Flags for the compiler, as cargo takes them, so that panic messages do not name this computer's folders: the same
+/// source is the same firmware, wherever it is built.
+fn without_folders(workspace: &Path) -> OsString {
+    let home = env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| env::var_os("HOME").map(|home| PathBuf::from(home).join(".cargo")));
+    let registries = home.and_then(|home| fs::read_dir(home.join("registry/src")).ok()).into_iter().flatten();
+    let folders = registries.flatten().map(|entry| (entry.path(), "registry"));
+    let root = workspace.ancestors().nth(2).map(|root| (root.to_owned(), "xtb"));
+    let mut flags = OsString::new();
+    for (folder, name) in folders.chain(root) {
+        let between = if flags.is_empty() { "" } else { "\u{1f}" };
+        flags.push(format!("{between}--remap-path-prefix="));
+        flags.push(folder);
+        flags.push(format!("={name}"));
+    }
+    flags
+}
+
 /// Builds the firmware of a workspace: its ELF file.
 fn build(workspace: &Path) -> Result<PathBuf, Failure> {
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let status = Command::new(cargo)
         .current_dir(workspace)
         .args(["build", "--quiet", "--locked", "--release", "--package", PACKAGE, "--target", TARGET])
+        .env("CARGO_ENCODED_RUSTFLAGS", without_folders(workspace))
         .status();
     match status {
         Ok(status) if status.success() => {
