@@ -14,7 +14,7 @@ use xtb_client::{Error, ErrorKind, Result};
 use xtb_nav::Map;
 use xtb_nav::map::ros::Description;
 use xtb_protocol::messages::is_map_name;
-use xtb_services::map_server::{History, KeptMap, MapService, MapStore};
+use xtb_services::map_server::{KeptMap, MapService, MapStore, MapVersions};
 use xtb_sim::World;
 
 /// How often a served file is looked at.
@@ -74,7 +74,7 @@ pub(crate) fn read_closely(path: &Path, resolution_m: f64) -> Result<(Map, Optio
             let hint = "worlds/ has examples; for a large world use larger cells with --resolution";
             let world = World::from_toml(&text).map_err(|error| broken(error.to_string()).hint(hint))?;
             let world = named_by_file(world, path);
-            let map = world.chart(resolution_m).map_err(|error| broken(error.to_string()).hint(hint))?;
+            let map = world.to_map(resolution_m).map_err(|error| broken(error.to_string()).hint(hint))?;
             Ok((map, None))
         }
         "yaml" | "yml" => {
@@ -129,8 +129,8 @@ impl MapStore for MapFile {
 /// # Errors
 /// [`ErrorKind::Config`]: there is a history that cannot be read.
 fn kept(path: &Path, resolution_m: f64) -> Result<KeptMap> {
-    let history = History::beside(path);
-    let history = History::open(&history).map_err(|error| {
+    let history = MapVersions::beside(path);
+    let history = MapVersions::open(&history).map_err(|error| {
         Error::new(ErrorKind::Config, error.to_string())
             .hint("move it away to begin another history of the map")
     })?;

@@ -211,7 +211,7 @@ impl Output {
 /// How something goes on, on standard error: one line that is painted over on a terminal; elsewhere a
 /// line now and then, if it is another one.
 #[derive(Debug)]
-pub struct Progress {
+pub struct ProgressLine {
     terminal: bool,
     shown: Option<Instant>,
     /// What was written last where nothing is painted over.
@@ -219,7 +219,7 @@ pub struct Progress {
     silent: bool,
 }
 
-impl Progress {
+impl ProgressLine {
     /// Nothing shown yet.
     #[must_use]
     pub fn new() -> Self {
@@ -266,13 +266,13 @@ impl Progress {
     }
 }
 
-impl Drop for Progress {
+impl Drop for ProgressLine {
     fn drop(&mut self) {
         self.end();
     }
 }
 
-impl Default for Progress {
+impl Default for ProgressLine {
     fn default() -> Self {
         Self::new()
     }

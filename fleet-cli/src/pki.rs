@@ -20,8 +20,8 @@ use std::time::SystemTime;
 use xtb_bus::Tls;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_identity::certificate::Certificate;
-use xtb_identity::issue::{Authority, CA_LIFE, IssueError, Issued, Purpose, issue};
-use xtb_identity::{CommonName, Entry, Identity, Page, Registry, RegistryError, Role, Router};
+use xtb_identity::issue::{Authority, CA_LIFE, CertificatePurpose, IssueError, Issued, issue};
+use xtb_identity::{CommonName, Identity, Page, Registry, RegistryEntry, RegistryError, Role, Router};
 use xtb_protocol::Name;
 
 /// Names of this computer: each router certificate has them.
@@ -166,7 +166,7 @@ impl Pki {
     /// # Errors
     /// A name that is taken or cannot be, or a host name that is none.
     pub fn add(&mut self, name: &Name, role: Role, validity: Validity, hosts: &[String]) -> Result<Identity> {
-        let entry = Entry {
+        let entry = RegistryEntry {
             name: name.clone(),
             role,
             generation: 1,
@@ -234,7 +234,8 @@ impl Pki {
             Error::new(ErrorKind::Failed, format!("the certificate of {name} has expired"))
                 .hint(format!("fleet-cli pki renew {name}"))
         })?;
-        issue(&self.authority()?, &entry.common_name(), Purpose::Browser, now, life).map_err(not_issued)
+        issue(&self.authority()?, &entry.common_name(), CertificatePurpose::Browser, now, life)
+            .map_err(not_issued)
     }
 
     /// Writes the registry.
@@ -272,8 +273,10 @@ impl Pki {
             issue(&ca, &entry.common_name(), purpose, validity.from, validity.life).map_err(not_issued)
         };
         let is_router = entry.role == Role::Router;
-        let own = make(if is_router { Purpose::Router(hosts) } else { Purpose::Client })?;
-        let page = if is_router || hosts.is_empty() { None } else { Some(make(Purpose::Page(hosts))?) };
+        let own =
+            make(if is_router { CertificatePurpose::Router(hosts) } else { CertificatePurpose::Client })?;
+        let page =
+            if is_router || hosts.is_empty() { None } else { Some(make(CertificatePurpose::Page(hosts))?) };
         if !hosts.is_empty() {
             let with_hosts = page.as_ref().unwrap_or(&own);
             files::private_folder(&self.folder.join("certificates"))?;
@@ -297,7 +300,7 @@ impl Pki {
         self.registry.router.generation += 1;
         self.registry.router.expires = validity.expires();
         let own = CommonName { name: router_name()?, generation: self.registry.router.generation };
-        let purpose = Purpose::Router(&self.registry.router.names);
+        let purpose = CertificatePurpose::Router(&self.registry.router.names);
         issue(ca, &own, purpose, validity.from, validity.life).map_err(not_issued)
     }
 

@@ -8,12 +8,12 @@ const GAP: usize = 2;
 
 /// One field of a table.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Cell {
+pub struct TableCell {
     text: String,
     tone: Tone,
 }
 
-impl Cell {
+impl TableCell {
     /// Text in a tone.
     #[must_use]
     pub fn new(text: impl Into<String>, tone: Tone) -> Self {
@@ -21,7 +21,7 @@ impl Cell {
     }
 }
 
-impl<T: Into<String>> From<T> for Cell {
+impl<T: Into<String>> From<T> for TableCell {
     fn from(text: T) -> Self {
         Self::new(text, Tone::Plain)
     }
@@ -55,18 +55,18 @@ fn total(columns: &[Column], width: impl Fn(&Column) -> usize) -> usize {
 /// Rows under headings, all columns flush left.
 #[derive(Debug, Clone, Default)]
 pub struct Table {
-    rows: Vec<Vec<Cell>>,
+    rows: Vec<Vec<TableCell>>,
 }
 
 impl Table {
     /// An empty table with these headings.
     #[must_use]
     pub fn new(headings: &[&str]) -> Self {
-        Self { rows: vec![headings.iter().map(|heading| Cell::new(*heading, Tone::Dim)).collect()] }
+        Self { rows: vec![headings.iter().map(|heading| TableCell::new(*heading, Tone::Dim)).collect()] }
     }
 
     /// Adds a row.
-    pub fn row(&mut self, cells: Vec<Cell>) {
+    pub fn row(&mut self, cells: Vec<TableCell>) {
         self.rows.push(cells);
     }
 
@@ -145,7 +145,7 @@ impl Table {
     }
 }
 
-fn line(row: &[Cell], columns: &[Column], out: &Output) -> String {
+fn line(row: &[TableCell], columns: &[Column], out: &Output) -> String {
     let mut line = String::new();
     let mut blanks = 0;
     for column in columns {
@@ -168,7 +168,7 @@ mod tests {
     fn example() -> Table {
         let mut table = Table::new(&["name", "mode", "goal"]);
         table.row(vec!["xtb-1".into(), "goto".into(), "to (1, 2) · 3 m".into()]);
-        table.row(vec!["xtb-10".into(), Cell::new("missing", Tone::Bad), "".into()]);
+        table.row(vec!["xtb-10".into(), TableCell::new("missing", Tone::Bad), "".into()]);
         table
     }
 

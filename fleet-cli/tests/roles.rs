@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 use tempfile::TempDir;
 use xtb_bus::Enrolled;
 use xtb_client::{ErrorKind, Settings};
-use xtb_identity::issue::{Authority, Issued, LIFE, Purpose, issue};
+use xtb_identity::issue::{Authority, CertificatePurpose, Issued, LIFE, issue};
 use xtb_identity::{CommonName, Identity, Role};
 use xtb_protocol::Name;
 
@@ -133,7 +133,7 @@ impl Fleet {
         let own: CommonName = "me.1".parse().unwrap();
         let issuer = Authority::load(&self.ca, &self.key).unwrap();
         let Issued { certificate, key, .. } =
-            issue(&issuer, &own, Purpose::Client, SystemTime::now(), LIFE).unwrap();
+            issue(&issuer, &own, CertificatePurpose::Client, SystemTime::now(), LIFE).unwrap();
         let routers = vec!["tls/127.0.0.1:1".to_owned()];
         let fleet = Name::new("lab").unwrap();
         let identity = Identity::new(fleet, own, role, routers, self.ca.clone(), certificate, key);

@@ -2,7 +2,7 @@
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
-use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
+use robot_agent::config::{ConfigFile, ConfigProblem, SettingLayers};
 use robot_agent::files;
 use robot_agent::logging::LogFormat;
 use std::path::{Path, PathBuf};
@@ -305,11 +305,11 @@ impl Settings {
 
     /// The settings in force.
     pub(crate) fn load(&self) -> Result<ConfigFile, ConfigProblem> {
-        self.over(Layers::default(), self.file().as_deref())
+        self.over(SettingLayers::default(), self.file().as_deref())
     }
 
     /// The settings for a replay: of the command line alone, or it would depend on where it is run.
-    pub(crate) fn load_for_replay(&self, layers: Layers) -> Result<ConfigFile, ConfigProblem> {
+    pub(crate) fn load_for_replay(&self, layers: SettingLayers) -> Result<ConfigFile, ConfigProblem> {
         self.over(layers, self.config.as_deref())
     }
 
@@ -323,7 +323,7 @@ impl Settings {
         self.config.is_some() || !self.settings.is_empty()
     }
 
-    fn over(&self, mut layers: Layers, config: Option<&Path>) -> Result<ConfigFile, ConfigProblem> {
+    fn over(&self, mut layers: SettingLayers, config: Option<&Path>) -> Result<ConfigFile, ConfigProblem> {
         if let Some(path) = config {
             let origin = path.display().to_string();
             let text = files::text(path, files::MAX_TEXT)

@@ -12,7 +12,7 @@ pub use file::{
     AgentConfig, AgentSection, ConfigFile, ControlSection, HardwareSection, MapSection, NavigationSection,
     Ros2, Ros2Section, StartPose, ZenohSection,
 };
-pub use layers::Layers;
+pub use layers::SettingLayers;
 pub use problem::ConfigProblem;
 
 #[cfg(test)]
@@ -22,7 +22,7 @@ mod tests {
     use toml::Value;
 
     fn with(text: &str) -> Result<ConfigFile, ConfigProblem> {
-        let mut layers = Layers::default();
+        let mut layers = SettingLayers::default();
         layers.file("robot.toml", text)?;
         layers.finish()
     }
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn later_layers_win() {
-        let mut layers = Layers::default();
+        let mut layers = SettingLayers::default();
         layers.file("robot.toml", "[agent]\nname = \"red\"\nfleet = \"barn\"\n").unwrap();
         layers.set("--name", "agent.name", Value::String("blue".into())).unwrap();
         let agent = layers.finish().unwrap().agent().unwrap();

@@ -4,7 +4,7 @@
 
 use crate::fast_path::{Answer, Response};
 use crate::inbox::Inbox;
-use crate::settings_file::{self, Change};
+use crate::settings_file::{self, SettingChange};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
@@ -185,7 +185,8 @@ impl Saving {
             let message = "this robot was started without a settings file";
             return ParamReply::refused(reply.id, ParamCode::NoFile, message, hint);
         };
-        let changes: Vec<Change> = values.iter().map(|value| Change::new(&value.name, value.value)).collect();
+        let changes: Vec<SettingChange> =
+            values.iter().map(|value| SettingChange::new(&value.name, value.value)).collect();
         // One after the other: each reads the file, changes it and writes it.
         let _turn = self.turn.lock().await;
         let written = tokio::task::spawn_blocking(move || settings_file::write(&file, &changes)).await;

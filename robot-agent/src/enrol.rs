@@ -14,7 +14,7 @@ use xtb_protocol::Name;
 
 /// It cannot be enrolled.
 #[derive(Debug, Error)]
-pub enum Refusal {
+pub enum EnrolRefusal {
     /// The file cannot be read.
     #[error("cannot read {}: {reason}", path.display())]
     Read {
@@ -78,7 +78,7 @@ pub enum Refusal {
     },
 }
 
-impl Refusal {
+impl EnrolRefusal {
     /// What to do.
     #[must_use]
     pub fn hint(&self) -> String {
@@ -111,7 +111,7 @@ impl Refusal {
 
 /// What was enrolled, and what is to be said of it.
 #[derive(Debug)]
-pub struct Done {
+pub struct EnrolOutcome {
     /// The identity in its folder.
     pub enrolled: Enrolled,
     /// When its certificate ends.
@@ -130,24 +130,24 @@ pub fn enrol(
     force: bool,
     now: SystemTime,
     may: impl Fn(Role) -> bool,
-) -> Result<Done, Refusal> {
-    let read = |reason| Refusal::Read { path: file.to_owned(), reason };
+) -> Result<EnrolOutcome, EnrolRefusal> {
+    let read = |reason| EnrolRefusal::Read { path: file.to_owned(), reason };
     let text = files::text(file, files::MAX_TEXT).map_err(read)?;
-    let wrong = |reason| Refusal::File { path: file.to_owned(), reason };
+    let wrong = |reason| EnrolRefusal::File { path: file.to_owned(), reason };
     let identity = Identity::parse(&text).map_err(wrong)?;
     if !may(identity.role) {
-        return Err(Refusal::Role { name: identity.name, role: identity.role });
+        return Err(EnrolRefusal::Role { name: identity.name, role: identity.role });
     }
     let mut warnings = Vec::new();
     match identity.check_at(now) {
         Err(error @ IdentityError::NotYet { .. }) => warnings
             .push(format!("{error}; this computer's clock says {}", humantime::format_rfc3339_seconds(now))),
-        Err(error) => return Err(Refusal::Expired(error)),
+        Err(error) => return Err(EnrolRefusal::Expired(error)),
         Ok(()) => {}
     }
     let broken = |reason: CertificateError| wrong(IdentityError::Certificate { what: "certificate", reason });
     let expires = identity.certificate().map_err(broken)?.not_after;
-    let folder = folder.map(Path::to_owned).or_else(Enrolled::place).ok_or(Refusal::NoPlace)?;
+    let folder = folder.map(Path::to_owned).or_else(Enrolled::place).ok_or(EnrolRefusal::NoPlace)?;
     if !force {
         replaces(&identity, &folder)?;
     }
@@ -159,30 +159,33 @@ pub fn enrol(
             identity.name
         ));
     }
-    let enrolled = Enrolled::write(&identity, &folder).map_err(Refusal::Write)?;
+    let enrolled = Enrolled::write(&identity, &folder).map_err(EnrolRefusal::Write)?;
     for (path, mode) in enrolled.readable_by_others() {
         warnings.push(format!("{} can be read by others (mode {mode:04o}): chmod go= it", path.display()));
     }
-    Ok(Done { enrolled, expires, warnings })
+    Ok(EnrolOutcome { enrolled, expires, warnings })
 }
 
 /// Whether it may take the place of what is there.
-fn replaces(identity: &Identity, folder: &Path) -> Result<(), Refusal> {
+fn replaces(identity: &Identity, folder: &Path) -> Result<(), EnrolRefusal> {
     let Ok(Enrolled { identity: there, .. }) = Enrolled::load(folder) else { return Ok(()) };
     let folder = folder.to_owned();
     if (&there.name, &there.fleet) != (&identity.name, &identity.fleet) {
-        return Err(Refusal::Other { folder, there: format!("{} of fleet {}", there.name, there.fleet) });
+        return Err(EnrolRefusal::Other {
+            folder,
+            there: format!("{} of fleet {}", there.name, there.fleet),
+        });
     }
     if there.generation > identity.generation {
         let (name, generation) = (there.name, identity.generation);
-        return Err(Refusal::Older { folder, name, there: there.generation, generation });
+        return Err(EnrolRefusal::Older { folder, name, there: there.generation, generation });
     }
     Ok(())
 }
 
 /// The same for scripts.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Report<'a> {
+pub struct EnrolReport<'a> {
     name: &'a Name,
     fleet: &'a Name,
     role: Role,
@@ -193,15 +196,15 @@ pub struct Report<'a> {
     warnings: &'a [String],
 }
 
-impl Done {
+impl EnrolOutcome {
     /// Deletes the file that was enrolled, or warns that it is still there.
     ///
     /// # Errors
     /// [`Refusal::Delete`].
-    pub fn settle(&mut self, file: &Path, delete: bool) -> Result<(), Refusal> {
+    pub fn settle(&mut self, file: &Path, delete: bool) -> Result<(), EnrolRefusal> {
         if delete {
             return std::fs::remove_file(file)
-                .map_err(|reason| Refusal::Delete { path: file.to_owned(), reason });
+                .map_err(|reason| EnrolRefusal::Delete { path: file.to_owned(), reason });
         }
         let file = file.display();
         self.warnings.push(format!("{file} still holds the private key: delete it (--remove does)"));
@@ -210,10 +213,10 @@ impl Done {
 
     /// For scripts.
     #[must_use]
-    pub fn report(&self) -> Report<'_> {
+    pub fn report(&self) -> EnrolReport<'_> {
         let Enrolled { identity, folder } = &self.enrolled;
         let Identity { name, fleet, role, generation, routers, .. } = identity;
-        Report {
+        EnrolReport {
             name,
             fleet,
             role: *role,

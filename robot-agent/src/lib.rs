@@ -35,7 +35,7 @@ mod systemd;
 mod uplink;
 mod wake;
 
-pub use shared::Shared;
+pub use shared::SharedResources;
 pub use xtb_recording::files;
 
 use crate::clock::Clock;
@@ -51,7 +51,7 @@ use tokio::sync::watch;
 use xtb_bus::BusError;
 use xtb_nav::navigator::PreparedMap;
 use xtb_protocol::{Name, Uuid};
-use xtb_robot::{Identity, Robot};
+use xtb_robot::{Robot, RobotIdentity};
 
 /// The agent's version, as events and factsheet give it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -89,7 +89,7 @@ pub type Shutdown = watch::Receiver<bool>;
 /// # Errors
 /// [`AgentError`]; the truck has been told to stand before it is returned.
 pub fn run(config: &AgentConfig, hardware: Box<dyn Hardware>, clock: Clock, shutdown: Shutdown) -> Run<'_> {
-    let (link_lease, shared) = (xtb_bus::LINK_LEASE, Shared::default());
+    let (link_lease, shared) = (xtb_bus::LINK_LEASE, SharedResources::default());
     let host = Host { link_lease, alive: Box::new(|| {}), shared, is_service: true };
     run_hosted(config, hardware, clock, shutdown, host)
 }
@@ -105,7 +105,7 @@ pub struct Host {
     /// Called when the robot is present under its name, and can be commanded.
     pub alive: Box<dyn FnOnce() + Send>,
     /// What it has together with the others.
-    pub shared: Shared,
+    pub shared: SharedResources,
     /// The program is this robot alone: if systemd has started it, systemd is told how it is.
     pub is_service: bool,
 }
@@ -131,7 +131,7 @@ async fn live(
     shutdown: Shutdown,
     host: Host,
 ) -> Result<(), AgentError> {
-    let identity = Identity {
+    let identity = RobotIdentity {
         fleet: config.fleet.clone(),
         robot: config.robot.clone(),
         // Random and exact in every language's numbers.

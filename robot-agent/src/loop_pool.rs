@@ -121,21 +121,21 @@ mod tests {
     use crate::hardware::simulated::SimulatedHardware;
     use crate::mailbox::mailbox;
     use crate::realtime::Realtime;
-    use crate::shared::Shared;
+    use crate::shared::SharedResources;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicBool, Ordering};
     use std::time::Duration;
     use xtb_control::frames::MapPose;
     use xtb_control::{Stamp, VehicleConfig};
     use xtb_protocol::Name;
-    use xtb_robot::{Identity, Robot};
+    use xtb_robot::{Robot, RobotIdentity};
 
     /// A machine that is busy with other tests is slow, not stuck.
     const PATIENCE: Duration = Duration::from_secs(20);
 
     fn robot(number: usize) -> Robot {
         let name = |text: &str| Name::new(text).unwrap();
-        let identity = Identity {
+        let identity = RobotIdentity {
             fleet: name("lab"),
             robot: name(&format!("xtb-{number}")),
             epoch: 1,
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn fifty_loops_on_two_threads_take_a_turn_for_each_step_of_their_world_from_their_start_on() {
-        let (world, shared) = (WorldTime::new(), Shared::among(2, 1).unwrap());
+        let (world, shared) = (WorldTime::new(), SharedResources::among(2, 1).unwrap());
         let stop = Arc::new(AtomicBool::new(false));
         let (mut sessions, mut running, mut lines) = (Vec::new(), Vec::new(), Vec::new());
         for number in 1..=50 {

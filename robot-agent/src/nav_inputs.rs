@@ -148,14 +148,14 @@ mod tests {
     use crate::mailbox::mailbox;
     use std::collections::BTreeSet;
     use tokio::sync::mpsc;
-    use xtb_bus::{Question, Role};
+    use xtb_bus::{Question, SessionRole};
     use xtb_nav::{Grid, Map};
     use xtb_protocol::codec::Format;
     use xtb_protocol::messages::FleetMap;
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn a_map_server_whose_answer_came_too_late_is_asked_again() {
-        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
         let bus = xtb_bus::open(&role).await.unwrap();
         let key = FleetKeys::new(Name::new("lab").unwrap()).map();
         let (sender, mut questions) = mpsc::unbounded_channel::<Question>();

@@ -6,7 +6,7 @@ use serde_json::Value;
 use xtb_control::{Controller, Stamp, VehicleConfig};
 use xtb_protocol::trace::exact_decision_line;
 use xtb_recording::Error;
-use xtb_recording::robot::{Ending, RecordedStep, Recording, checksum};
+use xtb_recording::robot::{RecordedStep, Recording, RecordingEnding, checksum};
 
 /// Where recording and replay first differ.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -37,7 +37,7 @@ pub struct Comparison {
     /// First difference of each kind: an altered sample, then a decision.
     pub differences: Vec<Difference>,
     /// How the file ends.
-    pub ending: Ending,
+    pub ending: RecordingEnding,
 }
 
 /// Field in a decision, and the stage that decides it, in the order of the walk.
@@ -75,8 +75,12 @@ fn gap(expected: u64, step: &RecordedStep) -> Option<Difference> {
 /// The recording cannot be read.
 pub fn compare(recording: &mut Recording, vehicle: VehicleConfig) -> Result<Comparison, Error> {
     let mut controller = Controller::new(vehicle);
-    let mut found =
-        Comparison { identical: true, samples: 0, differences: Vec::new(), ending: Ending::Complete };
+    let mut found = Comparison {
+        identical: true,
+        samples: 0,
+        differences: Vec::new(),
+        ending: RecordingEnding::Complete,
+    };
     let mut last = Stamp::ZERO;
     while let Some(step) = recording.next_step()? {
         if let Some(gap) = gap(found.samples, &step) {
@@ -226,7 +230,7 @@ pub struct WhatIf {
     /// A gap or an altered sample, beyond which nothing is said.
     pub difference: Option<Difference>,
     /// How the file ends.
-    pub ending: Ending,
+    pub ending: RecordingEnding,
 }
 
 /// The decisions of a step, by name: modes, manoeuvres, stops.
@@ -263,7 +267,7 @@ pub fn what_if(recording: &mut Recording, vehicle: VehicleConfig) -> Result<What
         differing: 0,
         decisions: Vec::new(),
         difference: None,
-        ending: Ending::Complete,
+        ending: RecordingEnding::Complete,
     };
     let mut open: [Option<OtherDecision>; 6] = std::array::from_fn(|_| None);
     let mut last = Stamp::ZERO;

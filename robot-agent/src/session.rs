@@ -19,7 +19,7 @@ use xtb_bus::{Bus, BusError};
 use xtb_nav::geometry::Car;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{About, Limits, MAX_COORDINATE_M, NEXT_LEG, ParameterInfo, RobotState};
-use xtb_robot::Identity;
+use xtb_robot::RobotIdentity;
 
 /// A name that is alive elsewhere for this long is taken. (An agent killed just before leaves its
 /// token behind until its link is noticed to be lost: 2 s.)
@@ -33,7 +33,7 @@ const CAPABILITIES: [&str; 10] =
     ["goto", "wander", "teleop", "stop", "estop", "reset", "cancel", "set_pose", "assign", NEXT_LEG];
 
 /// What the robot says of itself when asked.
-pub(crate) fn about(config: &AgentConfig, identity: &Identity, hardware: &str) -> About {
+pub(crate) fn about(config: &AgentConfig, identity: &RobotIdentity, hardware: &str) -> About {
     let vehicle = &config.vehicle;
     let parameters = vehicle.parameters();
     let text = xtb_control::config::render_toml("", &parameters);

@@ -3,7 +3,7 @@
 //! The new text is checked as a whole before the file is touched, and takes its place in one step: a
 //! power cut leaves the old file or the new one.
 
-use crate::config::{ConfigProblem, Layers};
+use crate::config::{ConfigProblem, SettingLayers};
 use crate::files;
 use std::fmt;
 use std::io;
@@ -16,7 +16,7 @@ pub const HEAD: &str = "# Settings of robot-agent; robot-agent --print-config sh
 
 /// Why nothing was written.
 #[derive(Debug, Error)]
-pub enum WriteError {
+pub enum SettingsFileError {
     /// The file cannot be read or replaced.
     #[error("cannot write {path}: {error}")]
     File {
@@ -40,13 +40,13 @@ pub enum WriteError {
 
 /// A number that is to stand in the file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Change {
+pub struct SettingChange {
     /// Sections and key.
     path: Vec<String>,
     value: f64,
 }
 
-impl Change {
+impl SettingChange {
     /// Of a setting such as `navigation.drive.limit_mps`.
     #[must_use]
     pub fn new(name: &str, value: f64) -> Self {
@@ -55,7 +55,7 @@ impl Change {
 }
 
 /// As a person would write it.
-impl fmt::Display for Change {
+impl fmt::Display for SettingChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} = {:?}", self.path.join("."), self.value)
     }
@@ -65,28 +65,29 @@ impl fmt::Display for Change {
 ///
 /// # Errors
 /// See [`WriteError`]; the file is as it was then.
-pub fn write(path: &Path, changes: &[Change]) -> Result<(), WriteError> {
+pub fn write(path: &Path, changes: &[SettingChange]) -> Result<(), SettingsFileError> {
     let name = path.display().to_string();
-    let failed = |error: io::Error| WriteError::File { path: name.clone(), error };
+    let failed = |error: io::Error| SettingsFileError::File { path: name.clone(), error };
     let old = match files::text(path, files::MAX_TEXT) {
         Ok(text) => text,
         Err(error) if error.is_missing() => HEAD.to_owned(),
         Err(error) => return Err(failed(error.into())),
     };
-    let new = changed(&old, changes).map_err(|reason| WriteError::Syntax { path: name.clone(), reason })?;
-    let mut layers = Layers::default();
+    let new =
+        changed(&old, changes).map_err(|reason| SettingsFileError::Syntax { path: name.clone(), reason })?;
+    let mut layers = SettingLayers::default();
     layers.file(&name, &new)?;
     layers.finish()?;
     files::replace(path, new.as_bytes()).map_err(failed)
 }
 
 /// The text with the changes in it.
-fn changed(text: &str, changes: &[Change]) -> Result<String, String> {
+fn changed(text: &str, changes: &[SettingChange]) -> Result<String, String> {
     let mut document: DocumentMut =
         text.parse().map_err(|error: toml_edit::TomlError| error.to_string().trim_end().to_owned())?;
     // Comments of a file that holds nothing else belong above what comes in.
     let comments = document.is_empty().then(|| document.trailing().as_str().unwrap_or_default().to_owned());
-    for Change { path, value } in changes {
+    for SettingChange { path, value } in changes {
         let Some((key, sections)) = path.split_last() else { continue };
         let mut section: &mut dyn TableLike = document.as_table_mut();
         for (depth, name) in sections.iter().enumerate() {
@@ -128,10 +129,10 @@ mod tests {
     use super::*;
     use std::fs;
 
-    fn slope(value: f64) -> Vec<Change> {
+    fn slope(value: f64) -> Vec<SettingChange> {
         vec![
-            Change::new("vehicle.calibration.bumper_front_slope", value),
-            Change::new("vehicle.calibration.bumper_front_intercept", -135.25),
+            SettingChange::new("vehicle.calibration.bumper_front_slope", value),
+            SettingChange::new("vehicle.calibration.bumper_front_intercept", -135.25),
         ]
     }
 

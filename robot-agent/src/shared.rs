@@ -18,7 +18,7 @@ use xtb_robot::Robot;
 
 /// What they share. A robot's own agent has one for itself.
 #[derive(Debug, Clone)]
-pub struct Shared {
+pub struct SharedResources {
     /// Maps that are prepared already: a large one takes megabytes.
     pub(crate) maps: Arc<MapCache>,
     pub(crate) sessions: Sessions,
@@ -26,13 +26,13 @@ pub struct Shared {
     threads: Option<(LoopPool, Planners)>,
 }
 
-impl Default for Shared {
+impl Default for SharedResources {
     fn default() -> Self {
         Self { maps: Arc::default(), sessions: Sessions::of(1), threads: None }
     }
 }
 
-impl Shared {
+impl SharedResources {
     /// With so many threads for the control loops of simulated robots, as many for their planners, and a session for
     /// so many robots each.
     ///

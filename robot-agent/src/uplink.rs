@@ -144,13 +144,13 @@ mod tests {
     use super::*;
     use crate::config::ConfigFile;
     use crate::session;
-    use xtb_robot::Identity;
+    use xtb_robot::RobotIdentity;
 
     #[test]
     fn the_factsheet_names_the_boards_firmware_once_it_has_been_heard() {
         let config = ConfigFile::default().agent().unwrap();
         let (fleet, robot, start_pose) = (config.fleet.clone(), config.robot.clone(), config.start_pose);
-        let identity = Identity { fleet, robot, epoch: 1, start_pose };
+        let identity = RobotIdentity { fleet, robot, epoch: 1, start_pose };
         let about = session::about(&config, &identity, "serial");
         assert_eq!(with_firmware(about.clone(), None), about);
         let told = with_firmware(about.clone(), Some(Firmware(0x0101)));

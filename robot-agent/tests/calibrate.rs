@@ -5,7 +5,7 @@ use assert_cmd::Command;
 use serde_json::Value;
 use std::path::Path;
 use toml::Table;
-use xtb_control::calibration::{Actuator, Kind};
+use xtb_control::calibration::{Actuator, ActuatorKind};
 use xtb_control::vehicle::Line;
 use xtb_sim::{Simulation, TruckParameters, World};
 
@@ -22,9 +22,9 @@ fn truth(seed: u64, what: Actuator) -> Line {
         Simulation::new(World::default(), &parameters, &["truck"], seed).expect("a room with a truck");
     let truth = simulation.trucks()[0].calibration_truth();
     match what.kind() {
-        Kind::Steering(i) => truth.steering[i],
-        Kind::Bumper(i) => truth.bumpers[i],
-        Kind::Piston(i) => truth.pistons[i],
+        ActuatorKind::Steering(i) => truth.steering[i],
+        ActuatorKind::Bumper(i) => truth.bumpers[i],
+        ActuatorKind::Piston(i) => truth.pistons[i],
     }
 }
 
@@ -60,7 +60,7 @@ fn every_line_of_a_simulated_truck_is_found_within_its_noise() {
             // A piston's curve bends away from its line by 0.2 % of the slope over ± 200 counts, and
             // weight moves the middle of its dead band by less than half a count.
             let (bend, shift) =
-                if matches!(what.kind(), Kind::Piston(_)) { (0.003, 0.5) } else { (0.0, 0.0) };
+                if matches!(what.kind(), ActuatorKind::Piston(_)) { (0.003, 0.5) } else { (0.0, 0.0) };
             for (key, true_value, error, known) in [
                 ("slope", truth.slope, "slope_error", bend * truth.slope.abs()),
                 ("intercept", truth.intercept, "intercept_error", bend * truth.intercept.abs()),

@@ -122,13 +122,13 @@ fn identity_file(
     now: std::time::SystemTime,
 ) -> std::path::PathBuf {
     use std::time::Duration;
-    use xtb_identity::issue::{Authority, Purpose, issue};
+    use xtb_identity::issue::{Authority, CertificatePurpose, issue};
     let fleet = xtb_protocol::Name::new("lab").expect("a name");
     let made = Authority::create(&fleet, now).expect("a CA");
     let ca = Authority::load(&made.certificate(), &made.key()).expect("the CA");
     let own: xtb_identity::CommonName = "xtb-7.1".parse().expect("a common name");
     let life = Duration::from_secs(days * 24 * 3600);
-    let issued = issue(&ca, &own, Purpose::Client, now, life).expect("a certificate");
+    let issued = issue(&ca, &own, CertificatePurpose::Client, now, life).expect("a certificate");
     let routers = vec!["tls/127.0.0.1:1".to_owned()];
     let (certificate, key) = (issued.certificate, issued.key);
     let identity =

@@ -27,7 +27,7 @@ use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
-use xtb_bus::{Bus, Role};
+use xtb_bus::{Bus, SessionRole};
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{About, Latch, RobotState};
 use xtb_sim::{Simulation, TruckParameters, World};
@@ -111,10 +111,11 @@ impl Told {
 }
 
 async fn measure(seconds: Duration, rounds: u64) -> (Told, Told) {
-    let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+    let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
     let router = xtb_bus::open(&role).await.expect("a router");
     let endpoint = router.locators().await.remove(0);
-    let bus = xtb_bus::open(&Role::Client { connect: vec![endpoint.clone()] }).await.expect("a session");
+    let bus =
+        xtb_bus::open(&SessionRole::Client { connect: vec![endpoint.clone()] }).await.expect("a session");
     let (mut before, mut after) = (Told::default(), Told::default());
     for round in 1..=rounds {
         let first = round % 2 == 0;

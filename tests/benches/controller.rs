@@ -7,7 +7,7 @@
 use divan::counter::ItemsCount;
 use divan::{AllocProfiler, Bencher};
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
-use xtb_control::goto::Goal;
+use xtb_control::goto::GotoGoal;
 use xtb_control::vehicle::Platform;
 use xtb_control::{AdcCount, Command, Controller, Sample, Stamp, VehicleConfig};
 
@@ -31,7 +31,7 @@ fn count(counts: u16) -> AdcCount {
 fn under_way(config: VehicleConfig) -> Controller {
     let mut controller = Controller::new(config);
     controller.step(Stamp::ZERO, &Sample::Gyro(GyroSample::default()));
-    let goal = Goal::new(3.0, 40.0).expect("in range");
+    let goal = GotoGoal::new(3.0, 40.0).expect("in range");
     controller.step(Stamp::ZERO, &Sample::Command(Command::Goto(goal)));
     controller
 }

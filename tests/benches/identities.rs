@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
-use xtb_bus::{Bus, Role, Service, Subscription};
+use xtb_bus::{Bus, Service, SessionRole, Subscription};
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{Estop, Estopped, Setpoint};
@@ -89,11 +89,11 @@ impl Took {
 }
 
 async fn measure(samples: u64) -> [Took; 4] {
-    let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+    let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
     let plain = xtb_bus::open(&role).await.expect("a router");
     let endpoint = plain.locators().await.remove(0);
     let client = || async {
-        let role = Role::Client { connect: vec![endpoint.clone()] };
+        let role = SessionRole::Client { connect: vec![endpoint.clone()] };
         xtb_bus::open(&role).await.expect("a session")
     };
     let tcp = Way::open(client().await, client().await).await;

@@ -17,7 +17,7 @@ use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
-use xtb_bus::{Bus, Role, Subscription};
+use xtb_bus::{Bus, SessionRole, Subscription};
 use xtb_control::controller::PwmOutputs;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
@@ -91,11 +91,11 @@ impl Took {
 }
 
 async fn client(endpoint: &str) -> Bus {
-    xtb_bus::open(&Role::Client { connect: vec![endpoint.to_owned()] }).await.expect("a session")
+    xtb_bus::open(&SessionRole::Client { connect: vec![endpoint.to_owned()] }).await.expect("a session")
 }
 
 async fn measure(samples: u64) -> (Took, Took) {
-    let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+    let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
     let router = xtb_bus::open(&role).await.expect("a router");
     let endpoint = router.locators().await.remove(0);
     let bus = client(&endpoint).await;

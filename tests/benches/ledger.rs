@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-use xtb_services::ledger::{Ledger, QUEUE, Writer};
+use xtb_services::ledger::{Ledger, LedgerWriter, QUEUE};
 
 const SUBMITTERS: [usize; 3] = [1, 8, 64];
 /// Each way is measured this often, in turns; the median counts.
@@ -41,7 +41,7 @@ fn rate(submitters: usize, one: impl Fn(u64) + Sync) -> f64 {
 fn ledger(folder: &Path, submitters: usize) -> (f64, f64) {
     let path = folder.join("bench.ledger");
     let (ledger, _) = Ledger::<Value>::create_or_open(&path, "bench").expect("a ledger");
-    let writer = Writer::start(ledger, QUEUE).expect("a thread");
+    let writer = LedgerWriter::start(ledger, QUEUE).expect("a thread");
     let rate = rate(submitters, |n| {
         let ticket = writer.submit(&[task(n)]).expect("room in the queue");
         ticket.blocking_recv().expect("an answer").expect("written");

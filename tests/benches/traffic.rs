@@ -17,7 +17,7 @@ use fleet_cli::interrupt::interrupted;
 use fleet_tests::Live;
 use fleet_tests::live::{Told, Trouble};
 use std::process::ExitCode;
-use xtb_chaos::meetings::{Meeting, Setting, Sight};
+use xtb_chaos::meetings::{Meeting, ObservedRobot, Setting};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
@@ -91,7 +91,7 @@ async fn scene(name: &str, rounds: usize) -> Vec<Told> {
 }
 
 /// With `SHOW=5`, everybody in a line each 5 s.
-fn show() -> impl FnMut(&Meeting, &[Sight]) + Send {
+fn show() -> impl FnMut(&Meeting, &[ObservedRobot]) + Send {
     let every_s: Option<f64> = std::env::var("SHOW").ok().and_then(|text| text.parse().ok());
     let mut next_s = 0.0;
     move |made, sights| {

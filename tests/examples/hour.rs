@@ -126,7 +126,7 @@ impl Drive {
         let parameters = TruckParameters::default();
         let names: Vec<String> = (1..=robots).map(|n| format!("xtb-{n}")).collect();
         let world = World::for_robots(robots, &parameters.body);
-        let map = world.chart(0.05).unwrap();
+        let map = world.to_map(0.05).unwrap();
         let grid = map.grid();
         let span_m = |origin_m: f64, cells: usize| (origin_m, cells as f64 * grid.resolution_m());
         let room_m = [span_m(grid.origin_m()[0], grid.width()), span_m(grid.origin_m()[1], grid.height())];

@@ -27,7 +27,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
-use xtb_bus::{Bus, Incoming, Role};
+use xtb_bus::{Bus, Incoming, SessionRole};
 use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_protocol::Uuid;
 use xtb_protocol::keys::{FleetKeys, Name};
@@ -76,7 +76,7 @@ async fn main() -> Result<ExitCode> {
     let Started { mut watched, endpoint, page } = start(folder.path(), robots, seed)?;
     println!("{robots} robots, {minutes} min, seed {seed}; load {} before; looks go to {out}", load());
 
-    let bus = xtb_bus::open(&Role::Client { connect: vec![endpoint] }).await?;
+    let bus = xtb_bus::open(&SessionRole::Client { connect: vec![endpoint] }).await?;
     let keys = FleetKeys::new(name(FLEET));
     let seen = Arc::<Mutex<Seen>>::default();
     let truths = seen.clone();

@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::task::JoinSet;
-use xtb_bus::{Bus, Incoming, Role, Subscription};
+use xtb_bus::{Bus, Incoming, SessionRole, Subscription};
 use xtb_protocol::keys::{FleetKeys, RobotKeys};
 use xtb_protocol::messages::{Body, Done, Lease, LinkLoss, Outcome, Request, RobotState, Roster, Truth, Via};
 use xtb_protocol::{Name, Uuid};
@@ -256,7 +256,7 @@ fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
 impl Witness {
     async fn open(endpoint: &str) -> Result<Self> {
         let keys = FleetKeys::new(name(FLEET));
-        let bus = xtb_bus::open(&Role::Client { connect: vec![endpoint.to_owned()] }).await?;
+        let bus = xtb_bus::open(&SessionRole::Client { connect: vec![endpoint.to_owned()] }).await?;
         let heard = Arc::<Mutex<Heard>>::default();
         let (truths, states) = (heard.clone(), heard.clone());
         let truth = move |incoming: Incoming| {

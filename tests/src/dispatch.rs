@@ -14,7 +14,7 @@ use crate::{PATIENCE, name};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use xtb_bus::{Bus, Incoming, Role};
+use xtb_bus::{Bus, Incoming, SessionRole};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{
@@ -97,7 +97,7 @@ impl Asker {
     /// # Panics
     /// If it cannot be opened.
     pub async fn connect(endpoint: &str, me: &str) -> Self {
-        let role = Role::Client { connect: vec![endpoint.to_owned()] };
+        let role = SessionRole::Client { connect: vec![endpoint.to_owned()] };
         Self::new(&xtb_bus::open(&role).await.unwrap_or_else(|error| panic!("{error}")), me)
     }
 

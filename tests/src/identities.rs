@@ -5,9 +5,9 @@ use crate::{eventually, name};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
-use xtb_bus::{Bus, Enrolled, Opening, Role as Session, Tls};
-use xtb_identity::issue::{Authority, LIFE, Purpose, issue};
-use xtb_identity::{CommonName, Entry, Identity, Registry, Role, Router};
+use xtb_bus::{Bus, Enrolled, Opening, SessionRole as Session, Tls};
+use xtb_identity::issue::{Authority, CertificatePurpose, LIFE, issue};
+use xtb_identity::{CommonName, Identity, Registry, RegistryEntry, Role, Router};
 use xtb_protocol::keys::FleetKeys;
 use xtb_services::router::{GuardedRouter, open_with_registry};
 
@@ -49,7 +49,7 @@ impl Pki {
         };
         let own = CommonName { name: name("router"), generation: 1 };
         let hosts = ["127.0.0.1".to_owned()];
-        let (certificate, key) = pki.issue(&own, Purpose::Router(&hosts), LIFE);
+        let (certificate, key) = pki.issue(&own, CertificatePurpose::Router(&hosts), LIFE);
         let router = pki.folder.join("router");
         fs::create_dir_all(&router).unwrap_or_else(|error| panic!("{error}"));
         for (file, text) in [("ca.pem", &pki.ca), ("certificate.pem", &certificate), ("key.pem", &key)] {
@@ -74,7 +74,7 @@ impl Pki {
         &self.registry
     }
 
-    fn issue(&self, own: &CommonName, purpose: Purpose<'_>, life: Duration) -> (String, String) {
+    fn issue(&self, own: &CommonName, purpose: CertificatePurpose<'_>, life: Duration) -> (String, String) {
         let ca = Authority::load(&self.ca, &self.ca_key).unwrap_or_else(|error| panic!("{error}"));
         let issued =
             issue(&ca, own, purpose, SystemTime::now(), life).unwrap_or_else(|error| panic!("{error}"));
@@ -86,7 +86,7 @@ impl Pki {
     /// # Panics
     /// If the name is taken.
     pub fn add(&mut self, of: &str, role: Role) {
-        let entry = Entry {
+        let entry = RegistryEntry {
             name: name(of),
             role,
             generation: 1,
@@ -105,7 +105,7 @@ impl Pki {
     pub fn enrol(&self, of: &str, life: Duration) -> Enrolled {
         let entry = self.registry.get(&name(of)).unwrap_or_else(|| panic!("{of} is not there"));
         let own = entry.common_name();
-        let (certificate, key) = self.issue(&own, Purpose::Client, life);
+        let (certificate, key) = self.issue(&own, CertificatePurpose::Client, life);
         let identity = Identity::new(
             self.registry.fleet.clone(),
             own,
@@ -137,7 +137,7 @@ impl Pki {
     ///
     /// # Panics
     /// If there is nobody of this name.
-    pub fn change(&mut self, of: &str, change: impl FnOnce(&mut Entry)) {
+    pub fn change(&mut self, of: &str, change: impl FnOnce(&mut RegistryEntry)) {
         change(self.registry.get_mut(&name(of)).unwrap_or_else(|error| panic!("{error}")));
     }
 

@@ -37,7 +37,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::Mutex as AsyncMutex;
-use xtb_bus::{Bus, Role, Subscription};
+use xtb_bus::{Bus, SessionRole, Subscription};
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::keys::{FleetKeys, RobotKeys};
@@ -47,7 +47,7 @@ use xtb_protocol::messages::{
 use xtb_protocol::{Name, Uuid};
 use xtb_sim::World;
 use xtb_sim::fixes::FixTruth;
-use xtb_simulator::{Plan, Simulator};
+use xtb_simulator::{SimulationPlan, Simulator};
 
 /// A generous bound: nothing here takes that long unless something is broken.
 pub const PATIENCE: Duration = Duration::from_secs(60);
@@ -165,7 +165,7 @@ impl Fleet {
     /// If it does not start.
     pub async fn start(setup: Setup) -> Self {
         let pose = |&(x_m, y_m, yaw_rad): &(f64, f64, f64)| MapPose { x_m, y_m, yaw_rad };
-        let plan = Plan {
+        let plan = SimulationPlan {
             fixes: setup.fixes.clone(),
             fleet: name("lab"),
             robots: setup.robots,
@@ -190,7 +190,7 @@ impl Fleet {
         let robots = simulator.roster().robots.len();
         let moved = || async { (simulator.truth().latest().robots.len() == robots).then_some(()) };
         eventually("the world's first turn", moved).await;
-        let role = Role::Client { connect: vec![simulator.endpoint().to_owned()] };
+        let role = SessionRole::Client { connect: vec![simulator.endpoint().to_owned()] };
         let bus = xtb_bus::open(&role).await.unwrap_or_else(|error| panic!("{error}"));
         Self { simulator, bus, keys: FleetKeys::new(name("lab")), pilots: AsyncMutex::default() }
     }

@@ -10,8 +10,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
-use xtb_bus::{Bus, Role};
-use xtb_chaos::meetings::{Judge, Meeting, Setting, Sight};
+use xtb_bus::{Bus, SessionRole};
+use xtb_chaos::meetings::{Judge, Meeting, ObservedRobot, Setting};
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::{Body, Done, LinkLoss, Outcome, PoseSource, RobotState, TruthRobot, Via};
 use xtb_protocol::{Name, Uuid};
@@ -98,7 +98,7 @@ impl Live {
         let (sim, ready) = Process::start_ready(&mut command);
         let endpoint = ready.split('"').find(|part| part.starts_with("tcp/"));
         let endpoint = endpoint.unwrap_or_else(|| panic!("the simulator says {ready:?}")).to_owned();
-        let role = Role::Client { connect: vec![endpoint.clone()] };
+        let role = SessionRole::Client { connect: vec![endpoint.clone()] };
         let bus = eventually("a session", || async { xtb_bus::open(&role).await.ok() }).await;
         let monitor = Monitor::listen(&bus, FLEET).await;
         let names: Vec<Name> = (1..=robots).map(|number| name(&format!("xtb-{number}"))).collect();
@@ -142,12 +142,12 @@ impl Live {
         .await;
     }
 
-    fn sights(&self) -> Vec<Sight> {
+    fn sights(&self) -> Vec<ObservedRobot> {
         let truth = self.monitor.latest();
         let sight = |name: &Name| {
             let both = truth.robots.get(name).copied().zip(self.monitor.state(name));
             let (truth, state) = both.unwrap_or_else(|| panic!("no {name}"));
-            Sight { truth, state }
+            ObservedRobot { truth, state }
         };
         self.names.iter().map(sight).collect()
     }
@@ -164,7 +164,7 @@ impl Live {
         &mut self,
         goals: &[MapPose],
         trouble: Trouble,
-        each: &mut (dyn FnMut(&Meeting, &[Sight]) + Send),
+        each: &mut (dyn FnMut(&Meeting, &[ObservedRobot]) + Send),
     ) -> Told {
         let before = self.sights();
         let mut witness = Judge::new(before.iter().map(|sight| sight.truth.contacts));
@@ -184,10 +184,10 @@ impl Live {
             told_s = if made.ends.len() < goals.len() && made.is_told() { told_s + passed_s } else { 0.0 };
             self.meddle(trouble, made.took_s, &sights);
         }
-        let late = |sights: &[Sight]| sights.iter().map(|sight| sight.state.turns_late).sum::<u64>();
+        let late = |sights: &[ObservedRobot]| sights.iter().map(|sight| sight.state.turns_late).sum::<u64>();
         let after = self.sights();
-        let latched = |sight: &Sight| {
-            let Sight { state, .. } = sight;
+        let latched = |sight: &ObservedRobot| {
+            let ObservedRobot { state, .. } = sight;
             let latches: Vec<_> = state.latches.iter().map(|latch| latch.latch).collect();
             (!latches.is_empty()).then(|| format!("{} {latches:?} {:?}", state.robot, state.faults))
         };
@@ -227,10 +227,10 @@ impl Live {
         self.until_all("the goals in the states", has).await;
     }
 
-    fn meddle(&mut self, trouble: Trouble, at_s: f64, sights: &[Sight]) {
+    fn meddle(&mut self, trouble: Trouble, at_s: f64, sights: &[ObservedRobot]) {
         match trouble {
             Trouble::Death if self.dead.is_empty() => {
-                let in_doorway = |sight: &Sight| {
+                let in_doorway = |sight: &ObservedRobot| {
                     let TruthRobot { x_m, y_m, .. } = sight.truth;
                     Setting::is_in_doorway(x_m, y_m)
                 };

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
 use tempfile::TempDir;
 use xtb_dashboard::Secure;
-use xtb_identity::issue::{Authority, Issued, LIFE, Purpose, issue};
-use xtb_identity::{CommonName, Entry, Registry, Role, Router, token_digest};
+use xtb_identity::issue::{Authority, CertificatePurpose, Issued, LIFE, issue};
+use xtb_identity::{CommonName, Registry, RegistryEntry, Role, Router, token_digest};
 use xtb_protocol::Name;
 
 /// The hosts of the page's certificate.
@@ -55,14 +55,14 @@ impl PageIdentities {
     /// A new certificate for the page.
     pub fn renew_page(&self) {
         let hosts = HOSTS.map(str::to_owned);
-        let page = self.certificate("dashboard.1", Purpose::Page(&hosts), LIFE);
+        let page = self.certificate("dashboard.1", CertificatePurpose::Page(&hosts), LIFE);
         self.write("page-key.pem", &page.key);
         self.write("page-certificate.pem", &page.certificate);
     }
 
     /// A certificate of the CA.
     #[must_use]
-    pub fn certificate(&self, own: &str, purpose: Purpose<'_>, life: Duration) -> Issued {
+    pub fn certificate(&self, own: &str, purpose: CertificatePurpose<'_>, life: Duration) -> Issued {
         let ca = must(Authority::load(&self.authority.certificate(), &self.authority.key()));
         let own: CommonName = own.parse().unwrap_or_else(|()| panic!("{own}"));
         must(issue(&ca, &own, purpose, SystemTime::now(), life))
@@ -73,7 +73,14 @@ impl PageIdentities {
         let token_sha256 = Some(token_digest(&token(name)));
         let (name, expires) = (must(Name::new(name)), SystemTime::now() + LIFE);
         self.change(|registry| {
-            must(registry.add(Entry { name, role, generation: 1, expires, revoked: false, token_sha256 }));
+            must(registry.add(RegistryEntry {
+                name,
+                role,
+                generation: 1,
+                expires,
+                revoked: false,
+                token_sha256,
+            }));
         });
     }
 
@@ -86,7 +93,7 @@ impl PageIdentities {
     }
 
     /// Changes one entry.
-    pub fn change_one(&self, name: &str, change: impl FnOnce(&mut Entry)) {
+    pub fn change_one(&self, name: &str, change: impl FnOnce(&mut RegistryEntry)) {
         self.change(|registry| change(must(registry.get_mut(&must(Name::new(name))))));
     }
 

@@ -136,7 +136,7 @@ mod tests {
     use super::*;
     use std::time::SystemTime;
     use table::Row;
-    use xtb_identity::{Entry, Router};
+    use xtb_identity::{RegistryEntry, Router};
     use xtb_protocol::Name;
     use zenoh::key_expr::keyexpr;
 
@@ -148,7 +148,7 @@ mod tests {
         for (of, role) in entries {
             let (name, role) = (name(of), *role);
             registry
-                .add(Entry { name, role, generation: 2, expires, revoked: false, token_sha256: None })
+                .add(RegistryEntry { name, role, generation: 2, expires, revoked: false, token_sha256: None })
                 .unwrap();
         }
         registry

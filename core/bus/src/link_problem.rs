@@ -4,7 +4,7 @@
 mod handshake;
 
 use crate::enrolled::Enrolled;
-use crate::session::{Opening, Role};
+use crate::session::{Opening, SessionRole};
 use handshake::{Handshake, Party};
 use std::time::{Duration, SystemTime};
 use thiserror::Error;
@@ -114,7 +114,7 @@ pub enum LinkProblem {
         /// Whose.
         name: Name,
         /// What its answer means.
-        reason: Refusal,
+        reason: CertificateRefusal,
     },
     /// Nothing wrong was found.
     #[error("the router at {host} accepts the TLS connection, but opens no session")]
@@ -126,7 +126,7 @@ pub enum LinkProblem {
 
 /// What a router said of a certificate.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum Refusal {
+pub enum CertificateRefusal {
     /// Of another fleet.
     #[error("it is not from the router's CA")]
     OtherCa,
@@ -173,10 +173,10 @@ impl LinkProblem {
                 "connect to one of these names; `fleet-cli pki renew --router --router-name HOST` adds further ones"
             }
             Self::RouterExpired { .. } => "renew it where the CA is: `fleet-cli pki renew --router`",
-            Self::Refused { reason: Refusal::Time, .. } => {
+            Self::Refused { reason: CertificateRefusal::Time, .. } => {
                 "compare the clocks of both computers: `timedatectl`"
             }
-            Self::Refused { name, reason: Refusal::Revoked, .. } => return renew(name),
+            Self::Refused { name, reason: CertificateRefusal::Revoked, .. } => return renew(name),
             Self::Refused { .. } => {
                 "enrol with a file of this fleet's CA: `fleet-cli pki add-person` or `renew` makes one"
             }
@@ -346,7 +346,7 @@ async fn connect(endpoint: &str, address: &str, host: &str) -> Result<TcpStream,
 
 /// Whether Zenoh opens a session there without TLS.
 async fn speaks_plainly(address: &str) -> bool {
-    let opening = Opening::of(Role::Client { connect: vec![format!("tcp/{address}")] });
+    let opening = Opening::of(SessionRole::Client { connect: vec![format!("tcp/{address}")] });
     match timeout(STEP_WITHIN, opening.once()).await {
         Ok(Ok(bus)) => {
             bus.close().await;

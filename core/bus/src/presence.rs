@@ -10,12 +10,12 @@ use xtb_protocol::keys::{Channel, Key};
 use zenoh::sample::SampleKind;
 
 /// Says "alive" until it is dropped or its session ends.
-pub struct Token {
+pub struct PresenceToken {
     inner: zenoh::liveliness::LivelinessToken,
     key: String,
 }
 
-impl Token {
+impl PresenceToken {
     /// Takes it back.
     ///
     /// # Errors
@@ -26,7 +26,7 @@ impl Token {
 }
 
 /// Watches others come and go until it is dropped.
-pub struct Presence {
+pub struct PresenceWatch {
     _inner: zenoh::pubsub::Subscriber<()>,
     /// Kept for the session's [`Watched`](crate::watched::Watched).
     _there: Arc<Mutex<BTreeSet<String>>>,
@@ -44,14 +44,14 @@ impl Bus {
     ///
     /// # Errors
     /// [`BusError::Operation`].
-    pub async fn declare_alive(&self, key: &str) -> Result<Token, BusError> {
+    pub async fn declare_alive(&self, key: &str) -> Result<PresenceToken, BusError> {
         let inner = self
             .session
             .liveliness()
             .declare_token(key.to_owned())
             .await
             .map_err(failed("declaring presence", key))?;
-        Ok(Token { inner, key: key.to_owned() })
+        Ok(PresenceToken { inner, key: key.to_owned() })
     }
 
     /// The keys on `key_expr` that are alive now, as far as they are told within `within`.
@@ -113,7 +113,7 @@ impl Bus {
         &self,
         key_expr: &str,
         each: impl Fn(&str, bool) + Send + Sync + 'static,
-    ) -> Result<Presence, BusError> {
+    ) -> Result<PresenceWatch, BusError> {
         let (foreign, there) = (self.foreign.clone(), self.watched.begin());
         let told = Arc::downgrade(&there);
         let inner = self
@@ -137,14 +137,14 @@ impl Bus {
             })
             .await
             .map_err(failed("watching presence", key_expr))?;
-        Ok(Presence { _inner: inner, _there: there })
+        Ok(PresenceWatch { _inner: inner, _there: there })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::Role;
+    use crate::session::SessionRole;
     use std::sync::mpsc;
     use xtb_protocol::keys::{FleetKeys, Name};
 
@@ -153,7 +153,7 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn a_large_fleet_is_counted_by_the_session_that_knows_it() {
-        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
         let bus = crate::open(&role).await.unwrap();
         let mut tokens = Vec::new();
         let keys = FleetKeys::new(Name::new("lab").unwrap());
@@ -176,9 +176,9 @@ mod tests {
     /// Zenoh itself leaves tokens out here, several in a hundred times on a busy computer.
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn who_watches_presence_and_asks_for_it_too_is_told_of_everybody_each_time() {
-        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
         let router = crate::open(&role).await.unwrap();
-        let role = Role::Client { connect: router.locators().await };
+        let role = SessionRole::Client { connect: router.locators().await };
         let (robots, asker) = (crate::open(&role).await.unwrap(), crate::open(&role).await.unwrap());
         let keys = FleetKeys::new(Name::new("lab").unwrap());
         let each = ["xtb-1", "xtb-2", "xtb-3"].map(|robot| keys.robot(&Name::new(robot).unwrap()).alive());
@@ -217,11 +217,11 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn who_is_there_is_not_absent_because_nobody_says_so_in_time() {
-        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
         let router = crate::open(&role).await.unwrap();
         let key = FleetKeys::new(Name::new("lab").unwrap()).robot(&Name::new("xtb-1").unwrap()).alive();
         let _token = router.declare_alive(&key).await.unwrap();
-        let asker = crate::open(&Role::Client { connect: router.locators().await }).await.unwrap();
+        let asker = crate::open(&SessionRole::Client { connect: router.locators().await }).await.unwrap();
         let patience = Duration::from_secs(30);
         assert!(asker.is_alive(&key, patience).await.unwrap());
         for within in [Duration::ZERO, Duration::from_micros(100), patience] {

@@ -333,7 +333,7 @@ impl Bus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::Role;
+    use crate::session::SessionRole;
     use xtb_protocol::keys::FleetKeys;
     use xtb_protocol::wire;
 
@@ -348,7 +348,7 @@ mod tests {
         key: &str,
         payloads: impl Fn() -> Vec<Vec<u8>> + Send + Sync + 'static,
     ) -> Vec<Incoming> {
-        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
         let bus = crate::open(&role).await.unwrap();
         let (runtime, own_key) = (tokio::runtime::Handle::current(), key.to_owned());
         let each = move |question: Question| {

@@ -34,7 +34,7 @@ const CLOSE_WITHIN: Duration = Duration::from_secs(2);
 
 /// What a session is on the network.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Role {
+pub enum SessionRole {
     /// Connects to one of these routers.
     Client {
         /// Such as `tcp/127.0.0.1:7447`.
@@ -108,7 +108,7 @@ fn words(error: &zenoh::Error) -> String {
     words.split(" at /").next().unwrap_or(words).trim_end_matches('.').to_owned()
 }
 
-impl Role {
+impl SessionRole {
     fn describe(&self) -> String {
         match self {
             Self::Client { connect } => format!("to {}", connect.join(", ")),
@@ -171,7 +171,7 @@ pub struct Bus {
 /// How to open a session.
 #[derive(Debug, Clone)]
 pub struct Opening {
-    role: Role,
+    role: SessionRole,
     link_lease: Duration,
     tls: Option<Tls>,
     access: Option<AccessControl>,
@@ -180,7 +180,7 @@ pub struct Opening {
 impl Opening {
     /// As this role, without an identity, with links of [`LINK_LEASE`].
     #[must_use]
-    pub fn of(role: Role) -> Self {
+    pub fn of(role: SessionRole) -> Self {
         Self { role, link_lease: LINK_LEASE, tls: None, access: None }
     }
 
@@ -208,7 +208,7 @@ impl Opening {
         let mut settings = self.role.settings(self.link_lease);
         if let Some(tls) = &self.tls {
             self.closed()?;
-            settings.extend(tls.settings(matches!(self.role, Role::Router { .. })));
+            settings.extend(tls.settings(matches!(self.role, SessionRole::Router { .. })));
         }
         if let Some(AccessControl(rules)) = &self.access {
             settings.push(("access_control", rules.to_string()));
@@ -246,7 +246,7 @@ impl Opening {
 
     /// An identity is of no use on a session that others can enter, or look into, without one.
     fn closed(&self) -> Result<(), BusError> {
-        if let Role::Peer { .. } = self.role {
+        if let SessionRole::Peer { .. } = self.role {
             return Err(BusError::Open {
                 role: self.role.describe(),
                 reason: "peers have no identity".into(),
@@ -300,7 +300,7 @@ impl Opening {
 ///
 /// # Errors
 /// [`BusError::Setting`] or [`BusError::Open`].
-pub async fn open(role: &Role) -> Result<Bus, BusError> {
+pub async fn open(role: &SessionRole) -> Result<Bus, BusError> {
     Opening::of(role.clone()).once().await
 }
 
@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn a_wrong_endpoint_is_told_in_plain_words() {
-        let role = Role::Client { connect: vec!["bogus".into()] };
+        let role = SessionRole::Client { connect: vec!["bogus".into()] };
         let said = Opening::of(role).config().map(drop).unwrap_err().to_string();
         assert!(said.ends_with("[?<metadata>][#<config>]: bogus"), "{said}");
     }

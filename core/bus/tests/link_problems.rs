@@ -7,8 +7,8 @@ use std::time::{Duration, SystemTime};
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use xtb_bus::link_problem::{admits, find};
-use xtb_bus::{Bus, Enrolled, LinkProblem, Opening, Role, Tls};
-use xtb_identity::issue::{Authority, LIFE, Purpose, issue};
+use xtb_bus::{Bus, Enrolled, LinkProblem, Opening, SessionRole, Tls};
+use xtb_identity::issue::{Authority, CertificatePurpose, LIFE, issue};
 use xtb_identity::{Identity, Role as IdentityRole};
 use xtb_protocol::Name;
 
@@ -33,7 +33,7 @@ impl Fleet {
     fn identity(&self, from: SystemTime, life: Duration) -> Enrolled {
         let own: xtb_identity::CommonName = "alice.1".parse().unwrap();
         let issuer = Authority::load(&self.ca, &self.key).unwrap();
-        let issued = issue(&issuer, &own, Purpose::Client, from, life).unwrap();
+        let issued = issue(&issuer, &own, CertificatePurpose::Client, from, life).unwrap();
         let (fleet, ca) = (Name::new("lab").unwrap(), self.ca.clone());
         let role = IdentityRole::Operator;
         let identity = Identity::new(fleet, own, role, Vec::new(), ca, issued.certificate, issued.key);
@@ -51,7 +51,7 @@ impl Fleet {
         let names: Vec<String> = names.iter().map(ToString::to_string).collect();
         let issuer = Authority::load(&self.ca, &self.key).unwrap();
         let own = "router.1".parse().unwrap();
-        let issued = issue(&issuer, &own, Purpose::Router(&names), from, life).unwrap();
+        let issued = issue(&issuer, &own, CertificatePurpose::Router(&names), from, life).unwrap();
         let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
         write("ca.pem", &trusts.ca);
         write("certificate.pem", &issued.certificate);
@@ -74,7 +74,7 @@ struct Router {
 impl Router {
     async fn open(tls: Option<Tls>) -> Self {
         let kind = if tls.is_some() { "tls" } else { "tcp" };
-        let role = Role::Router { listen: vec![format!("{kind}/127.0.0.1:0")], connect: Vec::new() };
+        let role = SessionRole::Router { listen: vec![format!("{kind}/127.0.0.1:0")], connect: Vec::new() };
         let bus = Opening::of(role).tls(tls).once().await.unwrap();
         let locators = bus.locators().await;
         let host = locators[0].split('/').nth(1).unwrap().split(['?', '#']).next().unwrap().to_owned();

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
 use std::time::{Duration, Instant};
-use xtb_bus::{Bus, Role};
+use xtb_bus::{Bus, SessionRole};
 use xtb_protocol::Name;
 use xtb_protocol::keys::FleetKeys;
 
@@ -13,12 +13,12 @@ const LOOK_EVERY: Duration = Duration::from_millis(10);
 const ANYWHERE: &str = "tcp/127.0.0.1:0";
 
 async fn router(listen: &str, connect: &[String]) -> Bus {
-    let role = Role::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
+    let role = SessionRole::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
     xtb_bus::open(&role).await.unwrap()
 }
 
 async fn client(connect: &[String]) -> Bus {
-    xtb_bus::open(&Role::Client { connect: connect.to_vec() }).await.unwrap()
+    xtb_bus::open(&SessionRole::Client { connect: connect.to_vec() }).await.unwrap()
 }
 
 /// The key of a robot's presence.

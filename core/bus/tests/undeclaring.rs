@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
 use std::time::{Duration, Instant};
-use xtb_bus::{Bus, Role, Service, Subscription};
+use xtb_bus::{Bus, Service, SessionRole, Subscription};
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{FleetKeys, FloorCell};
@@ -13,12 +13,12 @@ const PATIENCE: Duration = Duration::from_secs(20);
 const WITHIN: Duration = Duration::from_secs(2);
 
 async fn router() -> Bus {
-    let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+    let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
     xtb_bus::open(&role).await.unwrap()
 }
 
 async fn client(router: &Bus) -> Bus {
-    xtb_bus::open(&Role::Client { connect: router.locators().await }).await.unwrap()
+    xtb_bus::open(&SessionRole::Client { connect: router.locators().await }).await.unwrap()
 }
 
 async fn serve(bus: &Bus, key: String) -> Service {
@@ -59,7 +59,7 @@ async fn robot(
     bus: &Bus,
     fleet: &FleetKeys,
     name: &str,
-) -> (Vec<Service>, Vec<Subscription>, xtb_bus::Token) {
+) -> (Vec<Service>, Vec<Subscription>, xtb_bus::PresenceToken) {
     let keys = fleet.robot(&Name::new(name).unwrap());
     let mut services = vec![serve(bus, keys.state()).await, serve(bus, keys.about()).await];
     let mut subscriptions = vec![

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
-use xtb_chaos::{Options, Report};
+use xtb_chaos::{DayReport, ScenarioOptions};
 use xtb_robot::{Guard, Guards};
 
 /// Violations printed in full.
@@ -25,9 +25,9 @@ fn main() -> ExitCode {
     }
     let (count, first) = (number(0, 10_000), number(1, 0));
     let began = Instant::now();
-    let mut broken: Vec<Report> = Vec::new();
-    let (mut fleet_s, mut robot_s, mut total) = (0.0, 0.0, xtb_chaos::Counts::default());
-    let all = Mutex::new(|report: Report| {
+    let mut broken: Vec<DayReport> = Vec::new();
+    let (mut fleet_s, mut robot_s, mut total) = (0.0, 0.0, xtb_chaos::DayCounts::default());
+    let all = Mutex::new(|report: DayReport| {
         fleet_s += report.lasted_ms as f64 / 1000.0;
         robot_s += report.lasted_ms as f64 / 1000.0 * report.robots as f64;
         total += report.counts;
@@ -35,7 +35,7 @@ fn main() -> ExitCode {
             broken.push(report);
         }
     });
-    each_on_all_cores(first..first + count, |seed| match xtb_chaos::run(seed, Options::default()) {
+    each_on_all_cores(first..first + count, |seed| match xtb_chaos::run(seed, ScenarioOptions::default()) {
         Ok(report) => all.lock().unwrap_or_else(PoisonError::into_inner)(report),
         Err(error) => println!("seed {seed}: {error}"),
     });
@@ -67,8 +67,8 @@ fn guards(count: u64) -> ExitCode {
     for guard in Guard::ALL {
         let found = Mutex::new(BTreeMap::new());
         each_on_all_cores(0..count, |seed| {
-            if let Ok(Report { violation: Some(violation), .. }) =
-                xtb_chaos::run(seed, Options { guards: Guards::without(guard) })
+            if let Ok(DayReport { violation: Some(violation), .. }) =
+                xtb_chaos::run(seed, ScenarioOptions { guards: Guards::without(guard) })
             {
                 found.lock().unwrap_or_else(PoisonError::into_inner).insert(seed, violation.invariant);
             }

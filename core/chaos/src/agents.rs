@@ -16,7 +16,7 @@ use xtb_protocol::{Name, Uuid};
 use xtb_robot::agent::Arrival;
 use xtb_robot::authority::admission::Admission;
 use xtb_robot::line::PortTrouble;
-use xtb_robot::{Guards, Identity, Robot};
+use xtb_robot::{Guards, Robot, RobotIdentity};
 use xtb_sim::vehicle::Truck;
 
 /// As in `robot-agent`: requests that wait, and those answered in a turn.
@@ -231,7 +231,7 @@ impl Process {
         self.booted_ms = u64::from(now) * MS_PER_TURN;
         (self.ahead_ms, self.shown, self.next_snapshot) = (0, Stamp::ZERO, Stamp::ZERO);
         (self.held_until, self.stuck_until) = (now, now);
-        let identity = Identity {
+        let identity = RobotIdentity {
             fleet: self.fleet.clone(),
             robot: name,
             epoch: self.epoch(),

@@ -2,7 +2,7 @@
 
 use crate::time::Turn;
 use std::fmt;
-use xtb_sim::faults::{DriveFault, LineFault, SensorFaults};
+use xtb_sim::faults::{DriveFault, InjectedLineFault, SensorFaults};
 use xtb_sim::receiver::Transmitter;
 
 /// Most robots of a scenario.
@@ -51,9 +51,9 @@ pub(crate) enum Change {
     /// The router dies.
     KillRouter { turns: Turn },
     /// What is wrong with the line from the board.
-    BoardLine { robot: u8, fault: LineFault },
+    BoardLine { robot: u8, fault: InjectedLineFault },
     /// What is wrong with the line from the gyro.
-    GyroLine { robot: u8, fault: LineFault },
+    GyroLine { robot: u8, fault: InjectedLineFault },
     /// A line is unplugged, both ways, or plugged in again.
     Plug { robot: u8, board: bool, plugged: bool },
     /// The board is switched off and on again.

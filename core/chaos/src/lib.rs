@@ -39,11 +39,11 @@ use xtb_protocol::keys::NameError;
 use xtb_robot::Guards;
 use xtb_sim::SimulationError;
 
-pub use report::{Counts, Invariant, Report, Violation};
+pub use report::{DayCounts, DayReport, Invariant, Violation};
 
 /// How a scenario is to be simulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Options {
+pub struct ScenarioOptions {
     /// The rules that every robot obeys: all of them, but in the mutation check.
     pub guards: Guards,
 }
@@ -63,7 +63,7 @@ pub enum ScenarioError {
 ///
 /// # Errors
 /// A world that the seed makes impossible: a bug of this module.
-pub fn run(seed: u64, options: Options) -> Result<Report, ScenarioError> {
+pub fn run(seed: u64, options: ScenarioOptions) -> Result<DayReport, ScenarioError> {
     live(seed, options, |_| {})
 }
 
@@ -71,7 +71,11 @@ pub fn run(seed: u64, options: Options) -> Result<Report, ScenarioError> {
 ///
 /// # Errors
 /// As [`run`].
-pub fn tell(seed: u64, options: Options, mut line: impl FnMut(&str)) -> Result<Report, ScenarioError> {
+pub fn tell(
+    seed: u64,
+    options: ScenarioOptions,
+    mut line: impl FnMut(&str),
+) -> Result<DayReport, ScenarioError> {
     let mut told = 0;
     live(seed, options, |event_log| {
         let (lines, by_now) = event_log.since(told);
@@ -80,7 +84,11 @@ pub fn tell(seed: u64, options: Options, mut line: impl FnMut(&str)) -> Result<R
     })
 }
 
-fn live(seed: u64, options: Options, mut each_turn: impl FnMut(&EventLog)) -> Result<Report, ScenarioError> {
+fn live(
+    seed: u64,
+    options: ScenarioOptions,
+    mut each_turn: impl FnMut(&EventLog),
+) -> Result<DayReport, ScenarioError> {
     let mut scenario = Scenario::new(seed, options)?;
     let mut broken = None;
     while broken.is_none() && scenario.now < scenario.plan.length {

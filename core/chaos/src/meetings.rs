@@ -3,7 +3,7 @@
 
 mod judge;
 
-pub use judge::{Judge, Meeting, Sight};
+pub use judge::{Judge, Meeting, ObservedRobot};
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use xtb_control::frames::MapPose;

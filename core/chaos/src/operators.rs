@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{Body, Lease, LinkLoss, Outcome, RejectCode, Reply, Request, Setpoint};
 use xtb_robot::Operator;
-use xtb_robot::operator::{Call, Step};
+use xtb_robot::operator::{Call, CallStep};
 use xtb_sim::rng::Rng;
 
 /// A joystick sends at 20 Hz.
@@ -173,12 +173,12 @@ impl Person {
             }
             Doing::Pause => {}
             Doing::Asking { call, .. } => match call.step(stamp(now)) {
-                Step::Ask(request) => {
+                CallStep::Ask(request) => {
                     self.last_asked = Some(request.clone());
                     self.send(self.robot, Message::Ask(Box::new(request)), out);
                 }
-                Step::Wait(_) => {}
-                Step::GiveUp { .. } => return self.pause(now, 0.0, 1.0),
+                CallStep::Wait(_) => {}
+                CallStep::GiveUp { .. } => return self.pause(now, 0.0, 1.0),
             },
             Doing::Driving { until, .. } if now >= *until => return self.pause(now, 0.0, 1.0),
             Doing::Driving { rpm, steering, next, .. } if now >= *next => {

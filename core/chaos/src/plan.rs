@@ -6,7 +6,9 @@ use crate::time::{Turn, turns};
 use std::f64::consts::{FRAC_PI_2, PI};
 use xtb_control::frames::MapPose;
 use xtb_sim::WorldError;
-use xtb_sim::faults::{DriveFault, EncoderFault, GyroFault, LineFault, RangeFinderFault, SensorFaults};
+use xtb_sim::faults::{
+    DriveFault, EncoderFault, GyroFault, InjectedLineFault, RangeFinderFault, SensorFaults,
+};
 use xtb_sim::receiver::Transmitter;
 use xtb_sim::rng::Rng;
 use xtb_sim::world::{BoxSpec, World};
@@ -74,14 +76,14 @@ impl Plan {
         turns(self.rng.uniform(0.01, longest_s)).max(1)
     }
 
-    fn line_fault(&mut self) -> LineFault {
+    fn line_fault(&mut self) -> InjectedLineFault {
         match self.rng.up_to(6) {
-            0 | 1 => LineFault::Silent,
-            2 => LineFault::Garbage,
-            3 => LineFault::HalfFrames,
-            4 => LineFault::WrongDevice,
-            5 => LineFault::Lossy(self.rng.uniform(0.05, 0.95)),
-            _ => LineFault::Frozen,
+            0 | 1 => InjectedLineFault::Silent,
+            2 => InjectedLineFault::Garbage,
+            3 => InjectedLineFault::HalfFrames,
+            4 => InjectedLineFault::WrongDevice,
+            5 => InjectedLineFault::Lossy(self.rng.uniform(0.05, 0.95)),
+            _ => InjectedLineFault::Frozen,
         }
     }
 
@@ -121,7 +123,7 @@ impl Plan {
             true => Change::BoardLine { robot, fault },
             false => Change::GyroLine { robot, fault },
         };
-        self.changes.extend([(at, change(fault)), (until, change(LineFault::None))]);
+        self.changes.extend([(at, change(fault)), (until, change(InjectedLineFault::None))]);
     }
 
     fn broken_sensor(&mut self, at: Turn, robot: u8) {

@@ -57,7 +57,7 @@ pub struct Violation {
 
 /// What a day was like.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Report {
+pub struct DayReport {
     /// Its seed.
     pub seed: u64,
     /// Robots in it.
@@ -68,14 +68,14 @@ pub struct Report {
     pub hash: u64,
     /// Requests that reached a robot, goals that began, stops and emergency stops that arrived, agents that
     /// were killed.
-    pub counts: Counts,
+    pub counts: DayCounts,
     /// The first rule that was broken.
     pub violation: Option<Violation>,
 }
 
 /// How much happened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts {
+pub struct DayCounts {
     /// Requests at the robots.
     pub requests: u64,
     /// Setpoints at the robots.
@@ -94,7 +94,7 @@ pub struct Counts {
     pub lost: u64,
 }
 
-impl AddAssign for Counts {
+impl AddAssign for DayCounts {
     fn add_assign(&mut self, other: Self) {
         self.requests += other.requests;
         self.setpoints += other.setpoints;
@@ -107,7 +107,7 @@ impl AddAssign for Counts {
     }
 }
 
-impl fmt::Display for Counts {
+impl fmt::Display for DayCounts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { requests, setpoints, obeyed, goals, estops, boots, driven, lost } = self;
         let driven_s = *driven as f64 * MS_PER_TURN as f64 / 1000.0;
@@ -119,7 +119,7 @@ impl fmt::Display for Counts {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for DayReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let s = self.lasted_ms as f64 / 1000.0;
         writeln!(f, "seed {}: {} robots, {s:.1} s, event_log {:016x}", self.seed, self.robots, self.hash)?;

@@ -7,10 +7,10 @@ use crate::network::{Message, Network, Parcel, Seen};
 use crate::operators::Person;
 use crate::oracle::{Broken, Motion, Oracle, Truth};
 use crate::plan::{self, Plan};
-use crate::report::{Counts, Report, Violation};
+use crate::report::{DayCounts, DayReport, Violation};
 use crate::scripts;
 use crate::time::{MS_PER_TURN, Turn};
-use crate::{Options, ScenarioError};
+use crate::{ScenarioError, ScenarioOptions};
 use xtb_control::VehicleConfig;
 use xtb_protocol::Uuid;
 use xtb_protocol::keys::Name;
@@ -46,7 +46,7 @@ pub(crate) struct Scenario {
     names: Vec<Name>,
     pub(crate) network: Network,
     pub(crate) event_log: EventLog,
-    counts: Counts,
+    counts: DayCounts,
     told: Vec<Told>,
     outbox: Vec<Parcel>,
 }
@@ -54,7 +54,7 @@ pub(crate) struct Scenario {
 pub(crate) type Found = (u8, Broken);
 
 impl Scenario {
-    pub(crate) fn new(seed: u64, options: Options) -> Result<Self, ScenarioError> {
+    pub(crate) fn new(seed: u64, options: ScenarioOptions) -> Result<Self, ScenarioError> {
         let mut plan = Plan::draw(seed);
         let (world, starts) = plan.world().map_err(SimulationError::from)?;
         let vehicle = VehicleConfig::default();
@@ -100,7 +100,7 @@ impl Scenario {
             names,
             network,
             event_log: EventLog::default(),
-            counts: Counts::default(),
+            counts: DayCounts::default(),
             told: Vec::new(),
             outbox: Vec::new(),
         })
@@ -325,7 +325,7 @@ impl Scenario {
         Ok(())
     }
 
-    pub(crate) fn report(self, seed: u64, broken: Option<Found>) -> Report {
+    pub(crate) fn report(self, seed: u64, broken: Option<Found>) -> DayReport {
         let at_ms = u64::from(self.now) * MS_PER_TURN;
         let violation = broken.map(|(robot, (invariant, detail))| Violation {
             invariant,
@@ -334,8 +334,8 @@ impl Scenario {
             detail,
             last: self.event_log.last(robot),
         });
-        let counts = Counts { lost: self.network.lost, ..self.counts };
+        let counts = DayCounts { lost: self.network.lost, ..self.counts };
         let hash = self.event_log.hash.get();
-        Report { seed, robots: self.posts.len(), lasted_ms: at_ms, hash, counts, violation }
+        DayReport { seed, robots: self.posts.len(), lasted_ms: at_ms, hash, counts, violation }
     }
 }

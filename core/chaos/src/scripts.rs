@@ -5,7 +5,7 @@ use crate::change::{Change, End};
 use crate::time::{Turn, ms, turns};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::messages::{Body, LinkLoss, Request};
-use xtb_sim::faults::{DriveFault, EncoderFault, LineFault, RangeFinderFault, SensorFaults};
+use xtb_sim::faults::{DriveFault, EncoderFault, InjectedLineFault, RangeFinderFault, SensorFaults};
 use xtb_sim::receiver::Transmitter;
 use xtb_sim::rng::Rng;
 
@@ -213,16 +213,16 @@ impl Scene {
                 vec![(ms(700), Change::HoldLink { end: End::Person(self.person), turns: ms(1300) })]
             }
             Plot::ResetTooEarly => vec![
-                (ms(800), Change::BoardLine { robot, fault: LineFault::Silent }),
-                (ms(2500), Change::BoardLine { robot, fault: LineFault::None }),
+                (ms(800), Change::BoardLine { robot, fault: InjectedLineFault::Silent }),
+                (ms(2500), Change::BoardLine { robot, fault: InjectedLineFault::None }),
             ],
             Plot::RebootInMidGoal => vec![(ms(800), Change::KillAgent { robot, turns: ms(300) })],
             Plot::StalledLoop => {
                 vec![(ms(800), Change::HoldLoop { robot, turns: ms(120 + (45.0 * self.part) as u32) })]
             }
             Plot::FrozenGyro => vec![
-                (ms(800), Change::GyroLine { robot, fault: LineFault::Frozen }),
-                (ms(4000), Change::GyroLine { robot, fault: LineFault::None }),
+                (ms(800), Change::GyroLine { robot, fault: InjectedLineFault::Frozen }),
+                (ms(4000), Change::GyroLine { robot, fault: InjectedLineFault::None }),
             ],
             Plot::FrozenFinder => {
                 let finder = (self.part * 6.0) as usize;
@@ -235,8 +235,8 @@ impl Scene {
                 vec![(ms(1000), sensors(broken)), (ms(4000), sensors(SensorFaults::default()))]
             }
             Plot::SilentGyro => vec![
-                (ms(800), Change::GyroLine { robot, fault: LineFault::Silent }),
-                (ms(3000), Change::GyroLine { robot, fault: LineFault::None }),
+                (ms(800), Change::GyroLine { robot, fault: InjectedLineFault::Silent }),
+                (ms(3000), Change::GyroLine { robot, fault: InjectedLineFault::None }),
             ],
             Plot::IntoTheWallByHand => {
                 let speed = if self.part < 0.5 { SLOWLY } else { -SLOWLY };

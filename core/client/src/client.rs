@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use tokio::task::JoinSet;
-use xtb_bus::{Bus, BusError, Enrolled, Incoming, Opening, Role};
+use xtb_bus::{Bus, BusError, Enrolled, Incoming, Opening, SessionRole};
 use xtb_control::Stamp;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{FleetKeys, Key, RobotKeys};
@@ -41,14 +41,14 @@ const VOICES: usize = 8;
 
 /// A state and when it arrived.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Seen {
+pub struct LastState {
     /// What the robot said.
     pub state: RobotState,
     /// When.
     pub at: Instant,
 }
 
-impl Seen {
+impl LastState {
     /// How long ago it arrived.
     #[must_use]
     pub fn age(&self) -> Duration {
@@ -85,7 +85,7 @@ impl Client {
     /// # Errors
     /// [`ErrorKind::NoRouter`], [`ErrorKind::NotAdmitted`] or, for an endpoint that is none, [`ErrorKind::Invalid`].
     pub async fn open(settings: &Settings) -> Result<Self> {
-        let role = Role::Client { connect: settings.connect.clone() };
+        let role = SessionRole::Client { connect: settings.connect.clone() };
         let session = Opening::of(role).tls(settings.identity.as_ref().map(Enrolled::tls));
         let (began, failed) = (Instant::now(), Notify::new());
         let has_failed = AtomicBool::new(false);
@@ -295,7 +295,7 @@ impl Client {
     ///
     /// # Errors
     /// [`ErrorKind::Failed`] if the question could not be sent.
-    pub async fn states(&self, keys: &RobotKeys) -> Result<BTreeMap<Name, Seen>> {
+    pub async fn states(&self, keys: &RobotKeys) -> Result<BTreeMap<Name, LastState>> {
         Ok(seen(&get_timed(self.bus(), &keys.state(), self.patience()).await?))
     }
 
@@ -355,7 +355,7 @@ impl Client {
     ///
     /// # Errors
     /// [`ErrorKind::Failed`] if the question could not be sent.
-    pub async fn heard(&self) -> Result<(BTreeSet<Name>, BTreeMap<Name, Seen>)> {
+    pub async fn heard(&self) -> Result<(BTreeSet<Name>, BTreeMap<Name, LastState>)> {
         let any = self.keys().any_robot().state();
         let ask = || get_timed(self.bus(), &any, self.patience());
         let (alive, answers) = tokio::join!(self.alive(), ask());
@@ -412,9 +412,9 @@ fn untimed(answers: Vec<Timed>) -> Vec<Incoming> {
 }
 
 /// The states among answers; of two of one robot the later one.
-fn seen(answers: &[Timed]) -> BTreeMap<Name, Seen> {
+fn seen(answers: &[Timed]) -> BTreeMap<Name, LastState> {
     let states = answers.iter().filter_map(|(at, answer)| Some((*at, read::<RobotState>(answer)?)));
-    states.map(|(at, state)| (state.robot.clone(), Seen { state, at })).collect()
+    states.map(|(at, state)| (state.robot.clone(), LastState { state, at })).collect()
 }
 
 /// What a reply gave.

@@ -3,14 +3,14 @@
 
 mod dispatcher;
 
-pub use dispatcher::{FakeDispatcher, Told};
+pub use dispatcher::{FakeDispatcher, FakeDispatcherState};
 
 use crate::client::Client;
 use crate::settings::Settings;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
-use xtb_bus::{Question, Role, Service};
+use xtb_bus::{Question, Service, SessionRole};
 use xtb_control::frames::MapPose;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, Key};
@@ -275,7 +275,7 @@ pub struct FakeRobot {
     fake: Arc<Mutex<Fake>>,
     _services: Vec<Service>,
     tasks: Vec<tokio::task::JoinHandle<()>>,
-    _alive: xtb_bus::Token,
+    _alive: xtb_bus::PresenceToken,
 }
 
 impl FakeRobot {
@@ -405,13 +405,13 @@ impl Client {
             robots: Vec::new(),
             aliases: Default::default(),
         };
-        let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+        let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
         Self::on(&settings, xtb_bus::open(&role).await.unwrap())
     }
 
     /// Another session of the same fleet, connected to this one.
     pub async fn another(&self) -> Self {
-        let role = Role::Client { connect: self.bus().locators().await };
+        let role = SessionRole::Client { connect: self.bus().locators().await };
         Self::on(self.settings(), xtb_bus::open(&role).await.unwrap())
     }
 }

@@ -1,6 +1,6 @@
 //! The fleet as `list` and `status` show it: a row for each robot that is or should be there.
 
-use crate::client::{Client, Seen};
+use crate::client::{Client, LastState};
 use crate::error::Result;
 use crate::state_feed::StateFeed;
 use serde::Serialize;
@@ -68,14 +68,14 @@ impl FleetView {
     pub fn now(feed: &StateFeed, fleet: &Name, wanted: &BTreeSet<Name>) -> Self {
         let states = feed.states();
         let wanted = wanted.iter().chain(states.keys()).cloned().collect();
-        Self::showing(fleet, &feed.alive(), &states, &wanted, Seen::fresh)
+        Self::showing(fleet, &feed.alive(), &states, &wanted, LastState::fresh)
     }
 
     /// Of those who are there, the states that they answered, and whoever gets a row in any case.
     pub fn of(
         fleet: &Name,
         alive: &BTreeSet<Name>,
-        states: &BTreeMap<Name, Seen>,
+        states: &BTreeMap<Name, LastState>,
         wanted: &BTreeSet<Name>,
     ) -> Self {
         Self::showing(fleet, alive, states, wanted, |seen| Some(&seen.state))
@@ -84,9 +84,9 @@ impl FleetView {
     fn showing(
         fleet: &Name,
         alive: &BTreeSet<Name>,
-        states: &BTreeMap<Name, Seen>,
+        states: &BTreeMap<Name, LastState>,
         wanted: &BTreeSet<Name>,
-        shown: fn(&Seen) -> Option<&RobotState>,
+        shown: fn(&LastState) -> Option<&RobotState>,
     ) -> Self {
         let mut names: Vec<&Name> = alive.iter().chain(wanted).collect();
         names.sort_by_key(|name| by_number(name));
@@ -168,11 +168,11 @@ mod tests {
         let robot = Name::new("xtb-1").unwrap();
         let at = std::time::Instant::now().checked_sub(2 * crate::client::STALE).unwrap();
         let state = crate::fake::state("xtb-1");
-        let states = BTreeMap::from([(robot.clone(), Seen { state, at })]);
+        let states = BTreeMap::from([(robot.clone(), LastState { state, at })]);
         let alive = BTreeSet::from([robot]);
         let asked = FleetView::of(&fleet, &alive, &states, &BTreeSet::new());
         assert!(asked.robots[0].state.is_some() && asked.robots[0].age_ms >= Some(1000));
-        let fed = FleetView::showing(&fleet, &alive, &states, &BTreeSet::new(), Seen::fresh);
+        let fed = FleetView::showing(&fleet, &alive, &states, &BTreeSet::new(), LastState::fresh);
         assert!(fed.robots[0].state.is_none() && fed.robots[0].age_ms >= Some(1000));
     }
 }

@@ -4,9 +4,9 @@ mod cancel;
 mod follow;
 
 pub use cancel::{Cancelled, cancel, stop_hint};
-pub use follow::GoalEnd;
+pub use follow::GoalOutcome;
 
-use crate::client::{Client, Seen};
+use crate::client::{Client, LastState};
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::state_feed::{Events, StateFeed};
@@ -123,7 +123,7 @@ pub async fn start(control: &Control, goal: Uuid, request: &GoalRequest) -> Resu
 ///
 /// # Errors
 /// As [`start`]; control was taken, or the robot is not heard any more: then the outcome is unknown.
-pub async fn drive(client: &Client, control: &Control, request: &GoalRequest) -> Result<GoalEnd> {
+pub async fn drive(client: &Client, control: &Control, request: &GoalRequest) -> Result<GoalOutcome> {
     let mut watch = GoalWatch::open(client, control).await?;
     watch.start(request).await?;
     loop {
@@ -141,7 +141,7 @@ pub async fn drive(client: &Client, control: &Control, request: &GoalRequest) ->
             && cancel(control, watch.goal()).await? == Cancelled::Ended
         {
             let reason = Some("time limit reached".to_owned());
-            return Ok(GoalEnd { status: GoalStatus::Cancelled, reason });
+            return Ok(GoalOutcome { status: GoalStatus::Cancelled, reason });
         }
     }
 }
@@ -155,9 +155,9 @@ fn taken(control: &Control) -> Error {
 #[derive(Debug, Clone, PartialEq)]
 pub enum GoalStep {
     /// It goes on; the robot's last state since it was sent.
-    Running(Option<Box<Seen>>),
+    Running(Option<Box<LastState>>),
     /// It has ended.
-    Ended(GoalEnd),
+    Ended(GoalOutcome),
     /// Somebody else controls the robot, and the goal has not ended.
     ControlLost,
     /// The robot was not heard for so long: the outcome is unknown.
@@ -265,7 +265,7 @@ impl<'a> GoalWatch<'a> {
         }
     }
 
-    fn look_at(&mut self) -> Option<Seen> {
+    fn look_at(&mut self) -> Option<LastState> {
         let seen = self.feed.last(self.control.robot()).filter(|seen| seen.at >= self.began)?;
         self.follow.state(self.elapsed(), &seen.state);
         self.heard = seen.at;

@@ -66,7 +66,7 @@ pub mod subscription;
 pub mod teleop;
 pub mod text;
 
-pub use client::{Client, STALE, Seen};
+pub use client::{Client, LastState, STALE};
 pub use control::Control;
 pub use dispatcher_client::DispatcherClient;
 pub use error::{Error, ErrorKind, Result};

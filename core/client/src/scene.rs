@@ -9,7 +9,7 @@ mod body;
 pub mod fold;
 pub mod live;
 
-pub use body::{Beam, Body};
+pub use body::{Beam, CarBody};
 
 use crate::client::STALE;
 use crate::messages::AnyMessage;
@@ -43,14 +43,14 @@ pub type AtMs = u64;
 
 /// Something and when it came.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Seen<T> {
+pub struct Received<T> {
     /// When.
     pub at_ms: AtMs,
     /// What.
     pub value: T,
 }
 
-impl<T> Seen<T> {
+impl<T> Received<T> {
     fn new(at_ms: AtMs, value: T) -> Self {
         Self { at_ms, value }
     }
@@ -70,19 +70,19 @@ impl<T> Seen<T> {
 
 /// One robot.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Robot {
+pub struct SceneRobot {
     /// Whether it is present: alive means commandable.
     pub alive: bool,
     /// From the roster; `None` = it is not in the roster, or there is none.
     pub roster: Option<RosterEntry>,
     /// Its last state.
-    pub state: Option<Seen<RobotState>>,
+    pub state: Option<Received<RobotState>>,
     /// Its last samples.
-    pub sensors: Option<Seen<Sensors>>,
+    pub sensors: Option<Received<Sensors>>,
     /// Its factsheet.
     pub about: Option<About>,
     /// Its body, from that.
-    pub body: Body,
+    pub body: CarBody,
     /// Where it has been, (x, y) in m, the newest last; at most [`TRAIL`].
     pub trail: VecDeque<(f64, f64)>,
     /// Points that the trail has had since the robot was first seen: what a viewer has already is not
@@ -90,7 +90,7 @@ pub struct Robot {
     pub trail_count: u64,
 }
 
-impl Robot {
+impl SceneRobot {
     /// Metres per second at one wheel rpm, by its factsheet; `None` = that has not come.
     #[must_use]
     pub fn mps_per_rpm(&self) -> Option<f64> {
@@ -109,7 +109,7 @@ impl Robot {
             self.trail.push_back(here);
             self.trail_count += 1;
         }
-        self.state = Some(Seen::new(at_ms, state));
+        self.state = Some(Received::new(at_ms, state));
     }
 }
 
@@ -121,13 +121,13 @@ pub struct SceneEvent {
     /// When it came, by the viewer's clock.
     pub at_ms: AtMs,
     /// What.
-    pub what: What,
+    pub what: SceneChange,
 }
 
 /// Whose change it is.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum What {
+pub enum SceneChange {
     /// A robot's.
     Robot(Event),
     /// A task's.
@@ -147,15 +147,15 @@ pub enum What {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     fleet: Name,
-    robots: BTreeMap<Name, Robot>,
+    robots: BTreeMap<Name, SceneRobot>,
     aliases: BTreeMap<Name, String>,
     map: Option<FleetMap>,
     places: Option<FleetPlaces>,
-    tasks: Option<Seen<TaskList>>,
-    alerts: Option<Seen<FleetAlerts>>,
-    traffic: Option<Seen<TrafficState>>,
-    truth: Option<Seen<Truth>>,
-    simulator: Option<Seen<SimStats>>,
+    tasks: Option<Received<TaskList>>,
+    alerts: Option<Received<FleetAlerts>>,
+    traffic: Option<Received<TrafficState>>,
+    truth: Option<Received<Truth>>,
+    simulator: Option<Received<SimStats>>,
     dispatcher: bool,
     traffic_control: bool,
     happenings: VecDeque<SceneEvent>,
@@ -196,25 +196,25 @@ impl Scene {
         match (news, &key.robot) {
             (AnyMessage::State(state), Some(name)) => self.with(name, |robot| robot.show(at_ms, *state)),
             (AnyMessage::Sensors(sensors), Some(name)) => {
-                self.with(name, |robot| robot.sensors = Some(Seen::new(at_ms, *sensors)));
+                self.with(name, |robot| robot.sensors = Some(Received::new(at_ms, *sensors)));
             }
             (AnyMessage::About(about), Some(name)) => self.with(name, |robot| {
-                robot.body = Body::of_about(&about);
+                robot.body = CarBody::of_about(&about);
                 robot.about = Some(*about);
             }),
-            (AnyMessage::Event(event), Some(_)) => self.happened(at_ms, What::Robot(*event)),
-            (AnyMessage::TaskEvent(event), None) => self.happened(at_ms, What::Task(*event)),
+            (AnyMessage::Event(event), Some(_)) => self.happened(at_ms, SceneChange::Robot(*event)),
+            (AnyMessage::TaskEvent(event), None) => self.happened(at_ms, SceneChange::Task(*event)),
             (AnyMessage::Alive(there), _) => self.presence(at_ms, key, there),
             (AnyMessage::Roster(roster), None) => {
                 roster.robots.into_iter().for_each(|entry| self.expect_also(entry))
             }
             (AnyMessage::Map(map), None) => self.map = Some(*map),
             (AnyMessage::Places(places), None) => self.places = Some(*places),
-            (AnyMessage::Tasks(tasks), None) => self.tasks = Some(Seen::new(at_ms, *tasks)),
-            (AnyMessage::Alerts(alerts), None) => self.alerts = Some(Seen::new(at_ms, *alerts)),
-            (AnyMessage::Traffic(traffic), None) => self.traffic = Some(Seen::new(at_ms, *traffic)),
-            (AnyMessage::Truth(truth), None) => self.truth = Some(Seen::new(at_ms, *truth)),
-            (AnyMessage::SimStats(stats), None) => self.simulator = Some(Seen::new(at_ms, *stats)),
+            (AnyMessage::Tasks(tasks), None) => self.tasks = Some(Received::new(at_ms, *tasks)),
+            (AnyMessage::Alerts(alerts), None) => self.alerts = Some(Received::new(at_ms, *alerts)),
+            (AnyMessage::Traffic(traffic), None) => self.traffic = Some(Received::new(at_ms, *traffic)),
+            (AnyMessage::Truth(truth), None) => self.truth = Some(Received::new(at_ms, *truth)),
+            (AnyMessage::SimStats(stats), None) => self.simulator = Some(Received::new(at_ms, *stats)),
             // Commands, setpoints, fixes and routes show in the states that they bring about.
             _ => {}
         }
@@ -246,7 +246,7 @@ impl Scene {
         self.aliases.get(robot).map(String::as_str)
     }
 
-    fn with(&mut self, name: &Name, change: impl FnOnce(&mut Robot)) {
+    fn with(&mut self, name: &Name, change: impl FnOnce(&mut SceneRobot)) {
         if !self.robots.contains_key(name) && self.robots.len() == MOST_ROBOTS {
             self.refused += 1;
             return;
@@ -272,11 +272,11 @@ impl Scene {
                 (Channel::DispatchAlive, None) => keys.dispatch_alive(),
                 _ => keys.traffic_alive(),
             };
-            self.happened(at_ms, What::Presence { robot: key.robot.clone(), key: key_text, there });
+            self.happened(at_ms, SceneChange::Presence { robot: key.robot.clone(), key: key_text, there });
         }
     }
 
-    fn happened(&mut self, at_ms: AtMs, what: What) {
+    fn happened(&mut self, at_ms: AtMs, what: SceneChange) {
         if self.happenings.len() == HAPPENINGS {
             self.happenings.pop_front();
         }
@@ -292,7 +292,7 @@ impl Scene {
 
     /// Everybody who is or should be there, by name.
     #[must_use]
-    pub fn robots(&self) -> &BTreeMap<Name, Robot> {
+    pub fn robots(&self) -> &BTreeMap<Name, SceneRobot> {
         &self.robots
     }
 
@@ -311,7 +311,7 @@ impl Scene {
 
     /// The dispatcher's tasks.
     #[must_use]
-    pub fn tasks(&self) -> Option<&Seen<TaskList>> {
+    pub fn tasks(&self) -> Option<&Received<TaskList>> {
         self.tasks.as_ref()
     }
 
@@ -335,13 +335,13 @@ impl Scene {
 
     /// What traffic control does.
     #[must_use]
-    pub fn traffic(&self) -> Option<&Seen<TrafficState>> {
+    pub fn traffic(&self) -> Option<&Received<TrafficState>> {
         self.traffic.as_ref()
     }
 
     /// Where simulated robots really are.
     #[must_use]
-    pub fn truth(&self) -> Option<&Seen<Truth>> {
+    pub fn truth(&self) -> Option<&Received<Truth>> {
         self.truth.as_ref()
     }
 

@@ -1,6 +1,6 @@
 //! What robots say of themselves as it comes in: latest states, presence, and events in order.
 
-use crate::client::{Client, Seen};
+use crate::client::{Client, LastState};
 use crate::error::Result;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::{Notify, mpsc};
 use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::MissedTickBehavior;
-use xtb_bus::{Presence, Subscription};
+use xtb_bus::{PresenceWatch, Subscription};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Key, RobotKeys};
 use xtb_protocol::messages::{Event, RobotState};
@@ -24,7 +24,7 @@ const QUESTIONS: usize = 2;
 
 #[derive(Debug, Default)]
 struct Latest {
-    states: Mutex<BTreeMap<Name, Arc<Seen>>>,
+    states: Mutex<BTreeMap<Name, Arc<LastState>>>,
     dropped: AtomicU64,
     alive: Mutex<BTreeSet<Name>>,
     news: Notify,
@@ -38,7 +38,7 @@ pub struct StateFeed {
 
 /// Where they come from.
 enum Source {
-    Published { _states: Subscription, _presence: Presence },
+    Published { _states: Subscription, _presence: PresenceWatch },
     Asked(JoinHandle<()>),
 }
 
@@ -56,12 +56,12 @@ impl Latest {
         if states.len() >= MOST_ROBOTS && !states.contains_key(&state.robot) {
             self.drop_silent(&mut states);
         }
-        states.insert(state.robot.clone(), Arc::new(Seen { at: Instant::now(), state }));
+        states.insert(state.robot.clone(), Arc::new(LastState { at: Instant::now(), state }));
         drop(states);
         self.news.notify_one();
     }
 
-    fn drop_silent(&self, states: &mut BTreeMap<Name, Arc<Seen>>) {
+    fn drop_silent(&self, states: &mut BTreeMap<Name, Arc<LastState>>) {
         let silent = states.iter().min_by_key(|(_, seen)| seen.at).map(|(robot, _)| robot.clone());
         let Some(robot) = silent else { return };
         states.remove(&robot);
@@ -113,19 +113,19 @@ impl StateFeed {
 
     /// The last state of a robot, however old.
     #[must_use]
-    pub fn last(&self, robot: &Name) -> Option<Seen> {
-        lock(&self.latest.states).get(robot).map(|seen| Seen::clone(seen))
+    pub fn last(&self, robot: &Name) -> Option<LastState> {
+        lock(&self.latest.states).get(robot).map(|seen| LastState::clone(seen))
     }
 
     /// The last states of all robots, at most [`MOST_ROBOTS`].
     #[must_use]
-    pub fn states(&self) -> BTreeMap<Name, Seen> {
-        self.shared_states().into_iter().map(|(robot, seen)| (robot, Seen::clone(&seen))).collect()
+    pub fn states(&self) -> BTreeMap<Name, LastState> {
+        self.shared_states().into_iter().map(|(robot, seen)| (robot, LastState::clone(&seen))).collect()
     }
 
     /// The same without copies, for those who look many times a second.
     #[must_use]
-    pub fn shared_states(&self) -> BTreeMap<Name, Arc<Seen>> {
+    pub fn shared_states(&self) -> BTreeMap<Name, Arc<LastState>> {
         lock(&self.latest.states).clone()
     }
 

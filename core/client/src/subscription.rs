@@ -6,10 +6,10 @@ pub mod plan;
 
 use crate::client::Client;
 use crate::error::{Error, ErrorKind};
-use plan::Plan;
+use plan::WatchPlan;
 use std::sync::Arc;
 use tokio::task::JoinSet;
-use xtb_bus::{BusError, Incoming, Presence, Subscription};
+use xtb_bus::{BusError, Incoming, PresenceWatch, Subscription};
 
 /// Something that came in.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub type Inlet = Arc<dyn Fn(Item) + Send + Sync>;
 #[derive(Default)]
 pub struct Subscriptions {
     subscriptions: Vec<Subscription>,
-    presences: Vec<Presence>,
+    presences: Vec<PresenceWatch>,
     questions: JoinSet<()>,
     by_channel: bool,
 }
@@ -46,7 +46,7 @@ impl Subscriptions {
     /// [`ErrorKind::Invalid`]: no key expression, or one that names only commands; [`ErrorKind::Failed`]: Zenoh
     /// would not.
     pub async fn add(&mut self, client: &Client, key_expr: &str, inlet: &Inlet) -> crate::error::Result<()> {
-        self.add_plan(client, key_expr, Plan::of(key_expr)?, inlet).await.map_err(not_a_key_expr)
+        self.add_plan(client, key_expr, WatchPlan::of(key_expr)?, inlet).await.map_err(not_a_key_expr)
     }
 
     /// Listens on `key_expr` too, as planned; with an identity channel by channel, and on what none of the fleet's
@@ -58,7 +58,7 @@ impl Subscriptions {
         &mut self,
         client: &Client,
         key_expr: &str,
-        plan: Plan,
+        plan: WatchPlan,
         inlet: &Inlet,
     ) -> Result<(), BusError> {
         let fleet = client.settings().identity.as_ref().map(|_| client.fleet());
@@ -79,23 +79,23 @@ impl Subscriptions {
         &mut self,
         client: &Client,
         key_expr: &str,
-        plan: Plan,
+        plan: WatchPlan,
         inlet: &Inlet,
     ) -> Result<(), BusError> {
         match plan {
-            Plan::Presence => self.presences.push(presence(client, key_expr, inlet).await?),
-            Plan::Events => {
+            WatchPlan::Presence => self.presences.push(presence(client, key_expr, inlet).await?),
+            WatchPlan::Events => {
                 let each = message_to(inlet);
                 self.subscriptions.push(client.bus().subscribe_events_raw(key_expr, each).await?);
             }
-            Plan::Messages { ask, presence: there } => {
+            WatchPlan::Messages { ask, presence: there } => {
                 self.subscriptions.push(client.bus().subscribe_raw(key_expr, message_to(inlet)).await?);
                 for key_expr in there {
                     self.presences.push(presence(client, &key_expr, inlet).await?);
                 }
                 self.ask(client, ask, inlet);
             }
-            Plan::Answers(ask) => self.ask(client, ask, inlet),
+            WatchPlan::Answers(ask) => self.ask(client, ask, inlet),
         }
         Ok(())
     }
@@ -108,7 +108,7 @@ impl Subscriptions {
     }
 }
 
-async fn presence(client: &Client, key_expr: &str, inlet: &Inlet) -> Result<Presence, BusError> {
+async fn presence(client: &Client, key_expr: &str, inlet: &Inlet) -> Result<PresenceWatch, BusError> {
     let inlet = Arc::clone(inlet);
     let each = move |key: &str, there: bool| inlet(Item::Presence(key.to_owned(), there));
     client.bus().watch_alive(key_expr, each).await
@@ -128,7 +128,7 @@ async fn answers_to(client: Client, key_expr: String, inlet: Inlet) {
 
 /// What to say of an expression of which an identity sees a part at most; `None` = all of it can be seen.
 #[must_use]
-pub fn hidden(client: &Client, key_expr: &str, plan: &Plan) -> Option<String> {
+pub fn hidden(client: &Client, key_expr: &str, plan: &WatchPlan) -> Option<String> {
     client.settings().identity.as_ref()?;
     let fleet = client.fleet();
     let parts = plan.clone().by_channel(key_expr, Some(fleet));
@@ -137,7 +137,9 @@ pub fn hidden(client: &Client, key_expr: &str, plan: &Plan) -> Option<String> {
             "{key_expr} is no key of fleet {fleet} that can be watched with an identity: the router's rules hide it"
         )),
         [(part, _)] if part == key_expr => None,
-        _ if parts.iter().any(|(part, plan)| part == key_expr && !matches!(plan, Plan::Answers(_))) => None,
+        _ if parts.iter().any(|(part, plan)| part == key_expr && !matches!(plan, WatchPlan::Answers(_))) => {
+            None
+        }
         _ => Some(format!(
             "with an identity only what fleet {fleet} publishes is shown: the router's rules hide the rest of \
              {key_expr}"

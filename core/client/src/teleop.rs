@@ -26,7 +26,7 @@ const REFUSED_MOST_MS: u64 = 2_000;
 
 /// Where the hand is.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Drive {
+pub struct StickPosition {
     /// −1..=1, + = ahead.
     pub throttle: f64,
     /// −1..=1, + = right.
@@ -84,7 +84,7 @@ impl<'a> TeleopSession<'a> {
 
     /// Sends a setpoint, unless the robot has not been heard yet: without an echo of its clock it
     /// would accept none.
-    pub async fn send(&mut self, drive: Drive, feed: &StateFeed) -> Result<()> {
+    pub async fn send(&mut self, drive: StickPosition, feed: &StateFeed) -> Result<()> {
         let Some(seen) = feed.last(self.robot) else { return Ok(()) };
         self.sent += 1;
         let setpoint = Setpoint {
@@ -108,7 +108,7 @@ impl<'a> TeleopSession<'a> {
         if self.sent == 0 || self.control.is_lost() {
             return None;
         }
-        let zero = self.send(Drive::default(), feed).await;
+        let zero = self.send(StickPosition::default(), feed).await;
         let stop = self.control.request(Uuid::new_v4(), Body::Stop {}).await;
         let both = zero.and(stop.map(drop)).inspect_err(|failure| tracing::debug!("cannot stop: {failure}"));
         Some(both.is_ok())
@@ -134,14 +134,14 @@ mod tests {
         let _watch = client.bus().subscribe(&teleop, each).await.unwrap();
         let mut session = TeleopSession::new(&client, &control, &robot, 30.0);
         let unheard = StateFeed::open(&client, &client.keys().robot(&name("xtb-2"))).await.unwrap();
-        session.send(Drive::default(), &unheard).await.unwrap();
+        session.send(StickPosition::default(), &unheard).await.unwrap();
         assert_eq!(session.sent, 0);
         let feed = StateFeed::open(&client, &client.keys().robot(&robot)).await.unwrap();
         while feed.last(&robot).is_none() {
             feed.news().await;
         }
         for seq in 1..=3 {
-            session.send(Drive { throttle: 1.0, steering: 0.0 }, &feed).await.unwrap();
+            session.send(StickPosition { throttle: 1.0, steering: 0.0 }, &feed).await.unwrap();
             let setpoint = setpoints.recv().await.unwrap();
             assert_eq!((setpoint.seq, setpoint.rpm), (seq, 30.0));
             assert_eq!(setpoint.lease, fake.lock().lease.as_ref().map(|(_, lease)| *lease));

@@ -75,7 +75,7 @@ pub enum Actuator {
 
 /// What an actuator's pulse decides, and where it stands among its like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ActuatorKind {
     /// Wheel angle in degrees, + = right; 0 = front, 1 = rear.
     Steering(usize),
     /// Angle in degrees, + = up; 0 = front, 1 = rear.
@@ -114,16 +114,16 @@ impl Actuator {
 
     /// Its kind and place.
     #[must_use]
-    pub const fn kind(self) -> Kind {
+    pub const fn kind(self) -> ActuatorKind {
         match self {
-            Self::SteeringFront => Kind::Steering(0),
-            Self::SteeringRear => Kind::Steering(1),
-            Self::BumperFront => Kind::Bumper(0),
-            Self::BumperRear => Kind::Bumper(1),
-            Self::PistonFl => Kind::Piston(0),
-            Self::PistonFr => Kind::Piston(1),
-            Self::PistonRl => Kind::Piston(2),
-            Self::PistonRr => Kind::Piston(3),
+            Self::SteeringFront => ActuatorKind::Steering(0),
+            Self::SteeringRear => ActuatorKind::Steering(1),
+            Self::BumperFront => ActuatorKind::Bumper(0),
+            Self::BumperRear => ActuatorKind::Bumper(1),
+            Self::PistonFl => ActuatorKind::Piston(0),
+            Self::PistonFr => ActuatorKind::Piston(1),
+            Self::PistonRl => ActuatorKind::Piston(2),
+            Self::PistonRr => ActuatorKind::Piston(3),
         }
     }
 
@@ -137,8 +137,8 @@ impl Actuator {
     #[must_use]
     pub const fn unit(self) -> &'static str {
         match self.kind() {
-            Kind::Steering(_) | Kind::Bumper(_) => "deg",
-            Kind::Piston(_) => "m/s",
+            ActuatorKind::Steering(_) | ActuatorKind::Bumper(_) => "deg",
+            ActuatorKind::Piston(_) => "m/s",
         }
     }
 
@@ -146,20 +146,20 @@ impl Actuator {
     #[must_use]
     pub fn line(self, calibration: &Calibration) -> Line {
         match self.kind() {
-            Kind::Steering(i) => calibration.steering()[i],
-            Kind::Bumper(i) => calibration.bumpers()[i],
-            Kind::Piston(i) => calibration.pistons()[i],
+            ActuatorKind::Steering(i) => calibration.steering()[i],
+            ActuatorKind::Bumper(i) => calibration.bumpers()[i],
+            ActuatorKind::Piston(i) => calibration.pistons()[i],
         }
     }
 
     /// Gives it this pulse.
     pub fn set(self, outputs: &mut PwmOutputs, count: PwmCount) {
         match self.kind() {
-            Kind::Steering(0) => outputs.steer_front = count,
-            Kind::Steering(_) => outputs.steer_rear = count,
-            Kind::Bumper(0) => outputs.bumper_front = count,
-            Kind::Bumper(_) => outputs.bumper_rear = count,
-            Kind::Piston(i) => outputs.pistons[i] = count,
+            ActuatorKind::Steering(0) => outputs.steer_front = count,
+            ActuatorKind::Steering(_) => outputs.steer_rear = count,
+            ActuatorKind::Bumper(0) => outputs.bumper_front = count,
+            ActuatorKind::Bumper(_) => outputs.bumper_rear = count,
+            ActuatorKind::Piston(i) => outputs.pistons[i] = count,
         }
     }
 
@@ -171,10 +171,14 @@ impl Actuator {
         let line = self.line(&vehicle.calibration);
         let steering = &vehicle.steering;
         let (middle, reach, points) = match self.kind() {
-            Kind::Steering(0) => (steering.front_centre, STEERING_PART * steering.range_counts, ANGLE_POINTS),
-            Kind::Steering(_) => (steering.rear_centre, STEERING_PART * steering.range_counts, ANGLE_POINTS),
-            Kind::Bumper(_) => (line.count(0.0), (BUMPER_DEG / line.slope).abs(), ANGLE_POINTS),
-            Kind::Piston(_) => {
+            ActuatorKind::Steering(0) => {
+                (steering.front_centre, STEERING_PART * steering.range_counts, ANGLE_POINTS)
+            }
+            ActuatorKind::Steering(_) => {
+                (steering.rear_centre, STEERING_PART * steering.range_counts, ANGLE_POINTS)
+            }
+            ActuatorKind::Bumper(_) => (line.count(0.0), (BUMPER_DEG / line.slope).abs(), ANGLE_POINTS),
+            ActuatorKind::Piston(_) => {
                 (line.count(0.0), PISTON_PART * vehicle.pistons.max_offset_counts, PISTON_POINTS)
             }
         };
@@ -236,7 +240,7 @@ pub enum SweepError {
 
 /// One pulse of an angle servo's sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Step {
+pub struct SweepStep {
     /// The pulse.
     pub count: PwmCount,
     /// Whether the angle is read there, or the pulse only takes up the play.
@@ -251,13 +255,13 @@ impl Sweep {
     ///
     /// # Errors
     /// [`SweepError`].
-    pub fn there_and_back(&self) -> Result<Vec<Step>, SweepError> {
+    pub fn there_and_back(&self) -> Result<Vec<SweepStep>, SweepError> {
         let counts = self.counts()?;
         let approach = APPROACH_PART * (self.to.as_f64() - self.from.as_f64());
         let (below, above) = (self.from.as_f64() - approach, self.to.as_f64() + approach);
         let way = |start: f64, branch: Branch, counts: Vec<PwmCount>| {
-            let first = Step { count: PwmCount::saturating(start), read: false, branch };
-            std::iter::once(first).chain(counts.into_iter().map(move |count| Step {
+            let first = SweepStep { count: PwmCount::saturating(start), read: false, branch };
+            std::iter::once(first).chain(counts.into_iter().map(move |count| SweepStep {
                 count,
                 read: true,
                 branch,

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 /// Where a parameter's default comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Origin {
+pub enum DefaultOrigin {
     /// Printed in the memorandum, in the section named.
     Printed(&'static str),
     /// A component's data sheet.
@@ -20,7 +20,7 @@ pub enum Origin {
     Ours,
 }
 
-impl fmt::Display for Origin {
+impl fmt::Display for DefaultOrigin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Printed(section) => write!(f, "printed, {section}"),
@@ -70,7 +70,7 @@ pub struct Parameter {
     /// What it may be.
     pub allowed: Allowed,
     /// Where the default comes from.
-    pub origin: Origin,
+    pub origin: DefaultOrigin,
     /// One line on what it does.
     pub about: &'static str,
     /// Whether [`Parameter::value`] is allowed.

@@ -27,7 +27,7 @@ use crate::odometry::Odometry;
 use crate::pistons::standing;
 use crate::platform_pid::PlatformPid;
 use crate::remote::{RemoteStage, Selector, Stick};
-use crate::speed::{Direction, SpeedPid, wheel_rpm};
+use crate::speed::{AssumedDirection, SpeedPid, wheel_rpm};
 use crate::tilt::{TiltAngles, tilt_angles};
 use crate::tpu::ResetMask;
 use crate::units::{PwmCount, Stamp, Steering};
@@ -47,7 +47,7 @@ pub struct Controller {
     steering_counts: f64,
     motor: PwmCount,
     speed: SpeedPid,
-    direction: Direction,
+    direction: AssumedDirection,
     rpm: f64,
     odometry: Odometry,
     /// Signed way driven, in m: what a bumper counts as approach or retreat.
@@ -93,7 +93,7 @@ impl Controller {
             steering_counts: 0.0,
             motor: PwmCount::NEUTRAL,
             speed: SpeedPid::default(),
-            direction: Direction::default(),
+            direction: AssumedDirection::default(),
             rpm: 0.0,
             odometry: Odometry::default(),
             travel_m: 0.0,

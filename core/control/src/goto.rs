@@ -25,12 +25,12 @@ use serde::{Deserialize, Serialize};
 
 /// A goal in the odometry's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Goal {
+pub struct GotoGoal {
     x_m: f64,
     y_m: f64,
 }
 
-impl Goal {
+impl GotoGoal {
     /// Farthest coordinate accepted, in m.
     pub const LIMIT_M: f64 = 1.0e4;
 
@@ -44,7 +44,7 @@ impl Goal {
     }
 }
 
-impl Goal {
+impl GotoGoal {
     /// To the right of the start, in m.
     #[must_use]
     pub fn x_m(&self) -> f64 {
@@ -129,14 +129,14 @@ const TABLE_4: [Slice; 8] = [
 /// A goal being driven to, and the slice that is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GotoStage {
-    goal: Goal,
+    goal: GotoGoal,
     slice: Option<usize>,
 }
 
 impl GotoStage {
     /// A new goal; no slice is kept from the one before.
     #[must_use]
-    pub fn new(goal: Goal) -> Self {
+    pub fn new(goal: GotoGoal) -> Self {
         Self { goal, slice: None }
     }
 
@@ -213,7 +213,7 @@ mod tests {
     }
 
     fn north() -> GotoStage {
-        GotoStage::new(Goal::new(0.0, 2.0).unwrap())
+        GotoStage::new(GotoGoal::new(0.0, 2.0).unwrap())
     }
 
     #[test]
@@ -273,7 +273,7 @@ mod tests {
     #[test]
     fn arrived_inside_the_box_only() {
         let config = Goto::default();
-        let decide = |x, y| GotoStage::new(Goal::new(x, y).unwrap()).step(&config, &at(0.0)).0.arrived;
+        let decide = |x, y| GotoStage::new(GotoGoal::new(x, y).unwrap()).step(&config, &at(0.0)).0.arrived;
         assert!(decide(0.2, -0.2));
         assert!(!decide(0.201, 0.0));
     }

@@ -29,7 +29,7 @@ pub struct RemoteSample {
 
 /// What NITC's tick count means.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Reading {
+pub enum TickReading {
     /// A duty cycle within the limits.
     Usable(f64),
     /// No pulse, or one outside the limits.
@@ -40,15 +40,15 @@ pub enum Reading {
 
 /// Reads one channel (§4.2.2).
 #[must_use]
-pub fn reading(config: &Remote, ticks: Option<u32>) -> Reading {
-    let Some(ticks) = ticks else { return Reading::Rejected };
+pub fn reading(config: &Remote, ticks: Option<u32>) -> TickReading {
+    let Some(ticks) = ticks else { return TickReading::Rejected };
     let measured = f64::from(ticks) * config.tick_us / (config.period_ms * 1000.0);
     if measured > 1.0 {
-        return Reading::Impossible;
+        return TickReading::Impossible;
     }
     let duty = if measured > 0.5 { 1.0 - measured } else { measured };
     let usable = (config.min_duty_pct / 100.0..=config.max_duty_pct / 100.0).contains(&duty);
-    if usable { Reading::Usable(duty) } else { Reading::Rejected }
+    if usable { TickReading::Usable(duty) } else { TickReading::Rejected }
 }
 
 /// One channel's memory.
@@ -62,13 +62,13 @@ struct Channel {
 
 impl Channel {
     /// Takes a reading in; true if it asks for a reset.
-    fn take(&mut self, reading: Reading) -> bool {
+    fn take(&mut self, reading: TickReading) -> bool {
         self.duty = match reading {
-            Reading::Usable(duty) => Some(duty),
-            Reading::Rejected | Reading::Impossible => None,
+            TickReading::Usable(duty) => Some(duty),
+            TickReading::Rejected | TickReading::Impossible => None,
         };
         self.missed = if self.duty.is_some() { 0 } else { self.missed.saturating_add(1) };
-        reading == Reading::Impossible
+        reading == TickReading::Impossible
     }
 
     fn is_lost(&self, config: &Remote) -> bool {
@@ -191,34 +191,34 @@ fn stick(channel: &Channel, config: &Remote) -> Stick {
 mod tests {
     use super::*;
 
-    fn read(ticks: u32) -> Reading {
+    fn read(ticks: u32) -> TickReading {
         reading(&Remote::default(), Some(ticks))
     }
 
     #[test]
     fn a_pulse_a_complement_and_the_420_percent() {
         let centre = read(938);
-        assert!(matches!(centre, Reading::Usable(duty) if (duty - 0.067_603_6).abs() < 1e-6));
+        assert!(matches!(centre, TickReading::Usable(duty) if (duty - 0.067_603_6).abs() < 1e-6));
         let complement = read(13_875 - 938);
-        assert!(matches!(complement, Reading::Usable(duty) if (duty - 0.067_603_6).abs() < 1e-6));
-        assert_eq!(read(58_275), Reading::Impossible);
-        assert_eq!(read(13_875), Reading::Rejected, "the whole period is no pulse, but possible");
-        assert_eq!(read(13_876), Reading::Impossible);
+        assert!(matches!(complement, TickReading::Usable(duty) if (duty - 0.067_603_6).abs() < 1e-6));
+        assert_eq!(read(58_275), TickReading::Impossible);
+        assert_eq!(read(13_875), TickReading::Rejected, "the whole period is no pulse, but possible");
+        assert_eq!(read(13_876), TickReading::Impossible);
     }
 
     #[test]
     fn the_limits_of_a_pulse() {
-        assert_eq!(read(582), Reading::Rejected);
-        assert!(matches!(read(583), Reading::Usable(_)));
-        assert!(matches!(read(1318), Reading::Usable(_)));
-        assert_eq!(read(1319), Reading::Rejected);
-        assert_eq!(reading(&Remote::default(), None), Reading::Rejected);
+        assert_eq!(read(582), TickReading::Rejected);
+        assert!(matches!(read(583), TickReading::Usable(_)));
+        assert!(matches!(read(1318), TickReading::Usable(_)));
+        assert_eq!(read(1319), TickReading::Rejected);
+        assert_eq!(reading(&Remote::default(), None), TickReading::Rejected);
     }
 
     #[test]
     fn every_usable_reading_is_a_pulse_that_the_servos_take() {
         for ticks in 0..70_000 {
-            if let Reading::Usable(duty) = read(ticks) {
+            if let TickReading::Usable(duty) = read(ticks) {
                 assert!((2331.0..=5272.5).contains(&(duty * PWM_PERIOD_COUNTS)), "{ticks}");
             }
         }

@@ -2,7 +2,7 @@
 //!
 //! Plain values without behaviour; [`crate::controller`] turns the first into the last.
 
-use crate::goto::{Goal, GotoDecision};
+use crate::goto::{GotoDecision, GotoGoal};
 use crate::infrared::BumperRanges;
 use crate::obstacle::ObstacleState;
 use crate::odometry::OdomPose;
@@ -45,7 +45,7 @@ pub enum Command {
     /// Wander (§4.6).
     Wander,
     /// A-to-B (§4.10) in the odometry's frame.
-    Goto(Goal),
+    Goto(GotoGoal),
     /// A speed reference and a steering fraction.
     Teleop {
         /// Wheel speed.

@@ -12,6 +12,11 @@ use crate::vehicle::{Encoder, Speed};
 /// Most pulses of a window that the board's frame holds (docs/io-board.md).
 pub const MAX_WINDOW_PULSES: u16 = 660;
 
+/// Slower than this is standing, in m/s: at most two pulses of the encoder in a window, one being 0.005 m/s
+/// with the default encoder, gear and tyres. The path follower's own limit, `follower.standing_mps`, is lower, at
+/// most one pulse: its wheels must not roll at all when it changes gear.
+pub const STANDS_MPS: f64 = 0.01;
+
 /// Unsigned wheel speed in rpm: pulses / t_s / pulses per turn / gear ratio · 60 (§4.2.3).
 #[must_use]
 pub fn wheel_rpm(encoder: &Encoder, pulses: u32) -> f64 {
@@ -41,17 +46,17 @@ impl SpeedPid {
 /// The direction that the single-channel encoder cannot see: the sign of the last non-zero
 /// reference, which the interlock lets through only when the wheels stand.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Direction {
+pub struct AssumedDirection {
     sign: f64,
 }
 
-impl Default for Direction {
+impl Default for AssumedDirection {
     fn default() -> Self {
         Self { sign: 1.0 }
     }
 }
 
-impl Direction {
+impl AssumedDirection {
     /// +1 ahead, −1 astern.
     #[must_use]
     pub fn sign(self) -> f64 {
@@ -112,7 +117,7 @@ mod tests {
     #[test]
     fn the_interlock_lets_the_sign_flip_only_at_standstill() {
         let config = Speed::default();
-        let mut direction = Direction::default();
+        let mut direction = AssumedDirection::default();
         assert!(!direction.admit(&config, -13.0, 20));
         assert_eq!(direction.sign(), 1.0);
         assert!(direction.admit(&config, -13.0, 1));

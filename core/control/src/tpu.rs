@@ -28,7 +28,7 @@ const ASK_AGAIN_MS: u64 = 100;
 
 /// A pin's channel: one of eight PWM channels, or one of 16 of either TPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Channel {
+pub enum PinChannel {
     /// `pwm0` … `pwm7`.
     Pwm(u8),
     /// `tpua0` … `tpua15`.
@@ -37,7 +37,7 @@ pub enum Channel {
     TpuB(u8),
 }
 
-impl Channel {
+impl PinChannel {
     /// What a configuration may say.
     pub const EXPECTED: &'static str = "pwm0 to pwm7, tpua0 to tpua15, or tpub0 to tpub15";
 
@@ -63,7 +63,7 @@ impl Channel {
     }
 }
 
-impl fmt::Display for Channel {
+impl fmt::Display for PinChannel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Pwm(n) => write!(f, "pwm{n}"),
@@ -73,7 +73,7 @@ impl fmt::Display for Channel {
     }
 }
 
-impl FromStr for Channel {
+impl FromStr for PinChannel {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
@@ -96,7 +96,7 @@ pub const PINS: usize = 14;
 
 /// What the board has to be told before anything runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Setup {
+pub struct TpuSetup {
     /// In counts of 0.4 µs.
     pub pwm_period_counts: u16,
     /// Clock divider of the time count register.
@@ -109,7 +109,7 @@ pub struct Setup {
     pub channels: [u8; PINS],
 }
 
-impl Setup {
+impl TpuSetup {
     /// Length on the line.
     pub const LEN: usize = 8 + PINS;
 
@@ -180,7 +180,7 @@ impl Setup {
     }
 }
 
-fn channel_of(pin: &Parameter) -> Result<Channel, ConfigError> {
+fn channel_of(pin: &Parameter) -> Result<PinChannel, ConfigError> {
     pin.value.trim_matches('"').parse().map_err(|expected: &str| ConfigError::OutOfRange {
         name: pin.name.clone(),
         value: pin.value.clone(),
@@ -228,7 +228,7 @@ impl ResetMask {
 /// The gate of Fig. 8: no sample of the board counts before the board has confirmed its set-up.
 #[derive(Debug, Clone)]
 pub struct SetupTask {
-    setup: Setup,
+    setup: TpuSetup,
     done: bool,
     asked: Option<Stamp>,
 }
@@ -236,7 +236,7 @@ pub struct SetupTask {
 impl SetupTask {
     /// Nothing is set up yet.
     #[must_use]
-    pub fn new(setup: Setup) -> Self {
+    pub fn new(setup: TpuSetup) -> Self {
         Self { setup, done: false, asked: None }
     }
 
@@ -248,7 +248,7 @@ impl SetupTask {
 
     /// What the board should be.
     #[must_use]
-    pub fn setup(&self) -> &Setup {
+    pub fn setup(&self) -> &TpuSetup {
         &self.setup
     }
 
@@ -264,7 +264,7 @@ impl SetupTask {
     }
 
     /// The set-up to send now, if any: at once, then every 100 ms until it is confirmed.
-    pub fn request(&mut self, now: Stamp) -> Option<Setup> {
+    pub fn request(&mut self, now: Stamp) -> Option<TpuSetup> {
         let waiting = self.asked.is_some_and(|at| now.since_ms(at) < ASK_AGAIN_MS);
         if self.done || waiting {
             return None;
@@ -278,8 +278,8 @@ impl SetupTask {
 mod tests {
     use super::*;
 
-    fn setup() -> Setup {
-        Setup::of(&VehicleConfig::default()).unwrap()
+    fn setup() -> TpuSetup {
+        TpuSetup::of(&VehicleConfig::default()).unwrap()
     }
 
     #[test]
@@ -291,11 +291,12 @@ mod tests {
     #[test]
     fn eight_outputs_on_pwm_channels_and_two_on_the_tpu() {
         let outputs = setup().channels[..10].to_vec();
-        let pwm = outputs.iter().filter(|code| matches!(Channel::from_code(**code), Some(Channel::Pwm(_))));
+        let pwm =
+            outputs.iter().filter(|code| matches!(PinChannel::from_code(**code), Some(PinChannel::Pwm(_))));
         assert_eq!(pwm.count(), 8);
         // §4.1: the front bumper and the front-right piston are the two on the TPU.
         for pin in [3, 6] {
-            assert!(matches!(Channel::from_code(outputs[pin]), Some(Channel::TpuA(_))));
+            assert!(matches!(PinChannel::from_code(outputs[pin]), Some(PinChannel::TpuA(_))));
         }
     }
 
@@ -303,11 +304,11 @@ mod tests {
     fn a_set_up_round_trips_and_its_check_sum_sees_every_byte() {
         let setup = setup();
         let bytes = setup.to_bytes();
-        assert_eq!(Setup::from_bytes(&bytes), setup);
-        for i in 0..Setup::LEN {
+        assert_eq!(TpuSetup::from_bytes(&bytes), setup);
+        for i in 0..TpuSetup::LEN {
             let mut other = bytes;
             other[i] ^= 1;
-            assert_ne!(Setup::from_bytes(&other).checksum(), setup.checksum(), "byte {i}");
+            assert_ne!(TpuSetup::from_bytes(&other).checksum(), setup.checksum(), "byte {i}");
         }
     }
 

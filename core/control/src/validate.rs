@@ -3,7 +3,7 @@
 
 use crate::config::ConfigError;
 use crate::speed::MAX_WINDOW_PULSES;
-use crate::tpu::Setup;
+use crate::tpu::TpuSetup;
 use crate::units::PwmCount;
 use crate::vehicle::VehicleConfig;
 
@@ -42,7 +42,7 @@ impl VehicleConfig {
         self.validate_encoder()?;
         self.validate_order()?;
         self.validate_calibration()?;
-        Setup::of(self).map(drop)
+        TpuSetup::of(self).map(drop)
     }
 
     /// The axles and the tyres stand within the body.

@@ -20,7 +20,7 @@ pub use sections::*;
 
 use crate::config::{
     Allowed,
-    Origin::{DataSheet, Printed},
+    DefaultOrigin::{DataSheet, Printed},
     Parameter, Value,
 };
 use serde::{Deserialize, Serialize};

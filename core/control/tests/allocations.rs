@@ -4,7 +4,7 @@ use allocation_counter::measure;
 use std::collections::BTreeSet;
 use std::hint::black_box;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
-use xtb_control::goto::Goal;
+use xtb_control::goto::GotoGoal;
 use xtb_control::vehicle::{GotoLaw, Platform, SLOTS};
 use xtb_control::{AdcCount, Command, Controller, Mode, Sample, Stamp, Steering, VehicleConfig, WheelRpm};
 
@@ -36,7 +36,7 @@ fn commands() -> Result<Vec<Sample>, Failure> {
         teleop(0.0)?,
         follow(-40.0)?,
         follow(40.0)?,
-        Command::Goto(Goal::new(1.0, -2.0)?),
+        Command::Goto(GotoGoal::new(1.0, -2.0)?),
         Command::Wander,
         Command::Wander,
     ];

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
-use xtb_control::goto::Goal;
+use xtb_control::goto::GotoGoal;
 use xtb_control::vehicle::{BumperFinders, UNSEEN_MPS};
 use xtb_control::{
     Command, Controller, Mode, Outputs, PwmCount, Sample, Stamp, Steering, VehicleConfig, WheelRpm,
@@ -62,7 +62,7 @@ fn by_itself_a_car_does_not_drive_where_it_does_not_look() {
     let wandering = after(&rear_only, Command::Wander);
     assert_eq!((wandering.pwm.motor, wandering.mode), (PwmCount::NEUTRAL, Mode::Wander));
     let mut controller = Controller::new(rear_only);
-    controller.step(Stamp::from_ms(1), &Sample::Command(Command::Goto(Goal::new(0.0, 2.0).unwrap())));
+    controller.step(Stamp::from_ms(1), &Sample::Command(Command::Goto(GotoGoal::new(0.0, 2.0).unwrap())));
     let gyro = xtb_control::controller::GyroSample::default();
     controller.step(Stamp::from_ms(2), &Sample::Gyro(gyro));
     let outputs = controller.step(Stamp::from_ms(53), &Sample::Encoder { pulses: 0 });

@@ -29,7 +29,7 @@ const BLOCKED_LINGERS_MS: u64 = 3_000;
 
 /// What is known of a robot's presence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Presence {
+pub struct RobotPresence {
     /// The roster names it.
     pub expected: bool,
     /// It has said something in this run.
@@ -38,7 +38,7 @@ pub struct Presence {
     pub last_heard_ms: u64,
 }
 
-impl From<&TrackedRobot> for Presence {
+impl From<&TrackedRobot> for RobotPresence {
     fn from(robot: &TrackedRobot) -> Self {
         Self { expected: robot.in_roster, met: robot.observed.is_some(), last_heard_ms: robot.last_heard_ms }
     }
@@ -46,7 +46,7 @@ impl From<&TrackedRobot> for Presence {
 
 /// What has become of an alert.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Step {
+pub enum AlertStep {
     /// It is new.
     Raised,
     /// A person has acknowledged it.
@@ -55,7 +55,7 @@ pub enum Step {
     Ended,
 }
 
-impl Step {
+impl AlertStep {
     /// As programs read it.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
@@ -69,9 +69,9 @@ impl Step {
 
 /// A change of the list.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Change {
+pub struct AlertChange {
     /// What has become of it.
-    pub step: Step,
+    pub step: AlertStep,
     /// As it is now.
     pub alert: Alert,
 }
@@ -97,7 +97,7 @@ pub struct AlertBook {
     watched: BTreeMap<Cause, Watched>,
     /// What each robot's last state says.
     of_states: BTreeMap<Name, Vec<Condition>>,
-    changes: VecDeque<Change>,
+    changes: VecDeque<AlertChange>,
 }
 
 impl AlertBook {
@@ -148,10 +148,10 @@ impl AlertBook {
     pub fn step<'a>(
         &mut self,
         now_ms: u64,
-        robots: impl IntoIterator<Item = (&'a Name, Presence)>,
+        robots: impl IntoIterator<Item = (&'a Name, RobotPresence)>,
         suspended: &[Suspension],
     ) {
-        let robots: BTreeMap<&Name, Presence> = robots.into_iter().collect();
+        let robots: BTreeMap<&Name, RobotPresence> = robots.into_iter().collect();
         let silent = |name: &Name| {
             robots.get(name).is_none_or(|it| now_ms.saturating_sub(it.last_heard_ms) >= rules::SILENT_MS)
         };
@@ -184,7 +184,7 @@ impl AlertBook {
         &self,
         cause: &Cause,
         watched: &Watched,
-        robots: &BTreeMap<&Name, Presence>,
+        robots: &BTreeMap<&Name, RobotPresence>,
         silent: &impl Fn(&Name) -> bool,
     ) -> bool {
         match (&cause.robot, cause.kind) {
@@ -240,7 +240,7 @@ impl AlertBook {
         if let Some(watched) = self.watched.get_mut(&cause) {
             watched.alert = Some(alert.id);
         }
-        self.changes.push_back(Change { step: Step::Raised, alert: alert.clone() });
+        self.changes.push_back(AlertChange { step: AlertStep::Raised, alert: alert.clone() });
         self.alerts.push_back(alert);
     }
 
@@ -261,7 +261,7 @@ impl AlertBook {
         let open = |alert: &&mut Alert| alert.id == id && alert.ended_ms.is_none();
         let Some(alert) = self.alerts.iter_mut().find(open) else { return };
         alert.ended_ms = Some(now_ms);
-        self.changes.push_back(Change { step: Step::Ended, alert: alert.clone() });
+        self.changes.push_back(AlertChange { step: AlertStep::Ended, alert: alert.clone() });
         let ended = self.alerts.iter().filter(|alert| alert.ended_ms.is_some()).count();
         if ended > KEEP_ENDED {
             let oldest = self.alerts.iter().position(|alert| alert.ended_ms.is_some());
@@ -294,14 +294,14 @@ impl AlertBook {
                 alert.ended_ms = Some(now_ms);
                 self.watched.remove(&Cause::of(alert));
             }
-            self.changes.push_back(Change { step: Step::Acknowledged, alert: alert.clone() });
+            self.changes.push_back(AlertChange { step: AlertStep::Acknowledged, alert: alert.clone() });
             reply.acknowledged.push(id);
         }
         reply
     }
 
     /// The next change that has to be told, oldest first.
-    pub fn next_change(&mut self) -> Option<Change> {
+    pub fn next_change(&mut self) -> Option<AlertChange> {
         self.changes.pop_front()
     }
 

@@ -16,9 +16,9 @@ mod task_updates;
 
 use crate::admission::ledger_failed;
 use crate::home::HomeRules;
-use crate::settings::Settings;
+use crate::settings::DispatcherSettings;
 use crate::suspension::{FleetStop, KnownMap};
-use crate::task_store::record::{Entry, Record};
+use crate::task_store::record::{LedgerEntry, Record};
 use crate::task_store::{ReplayError, TaskStore};
 use crate::tracked_robot::TrackedRobot;
 use crate::travel_cost::TravelCost;
@@ -63,7 +63,7 @@ pub enum Effect {
 
 /// Who this dispatcher is, fixed at its start.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Identity {
+pub struct DispatcherIdentity {
     /// As which client it asks robots; the same at each start, so that it gets its leases back.
     pub me: Name,
     /// Number of the ledger, if it has to be opened: random, at most 48 bits.
@@ -75,8 +75,8 @@ pub struct Identity {
 /// The dispatcher.
 #[derive(Debug, Clone)]
 pub struct Dispatcher {
-    identity: Identity,
-    settings: Settings,
+    identity: DispatcherIdentity,
+    settings: DispatcherSettings,
     store: TaskStore,
     writes: WriteQueue,
     robots: BTreeMap<Name, TrackedRobot>,
@@ -109,9 +109,9 @@ impl Dispatcher {
     /// Entries that do not fit: nothing may be written to that ledger then.
     pub fn recover(
         now_ms: u64,
-        identity: Identity,
-        settings: Settings,
-        entries: impl IntoIterator<Item = Entry>,
+        identity: DispatcherIdentity,
+        settings: DispatcherSettings,
+        entries: impl IntoIterator<Item = LedgerEntry>,
     ) -> Result<Self, ReplayError> {
         let store = TaskStore::replay(settings.keep_ended, entries)?;
         let mut writes = WriteQueue::default();
@@ -281,7 +281,7 @@ impl Dispatcher {
         }
     }
 
-    fn announce(&mut self, entry: &Entry) {
+    fn announce(&mut self, entry: &LedgerEntry) {
         let task = match &entry.record {
             Record::Submitted { task, .. }
             | Record::Assigned { task, .. }

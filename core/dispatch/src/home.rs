@@ -10,7 +10,7 @@
 
 use std::collections::BTreeMap;
 use xtb_control::config::Allowed::Range;
-use xtb_control::config::Origin::Ours;
+use xtb_control::config::DefaultOrigin::Ours;
 use xtb_control::frames::MapPose;
 use xtb_control::vehicle::BatteryLevels;
 use xtb_protocol::Name;

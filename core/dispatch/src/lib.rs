@@ -41,8 +41,8 @@ mod write_queue;
 
 pub use dispatcher::{Dispatcher, Effect, Ticket};
 pub use home::{HomeRules, HomeSettings};
-pub use settings::Settings;
-pub use task_store::record::{Entry, Record};
+pub use settings::DispatcherSettings;
+pub use task_store::record::{LedgerEntry, Record};
 pub use task_store::{ReplayError, TaskStore};
 pub use travel_cost::{ANY_CAR, MapTravelCost, OpenTravelCost, TravelCost};
 pub use write_queue::Write;

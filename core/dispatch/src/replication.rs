@@ -29,7 +29,7 @@ mod active;
 mod follower;
 
 pub use active::{Active, Follow};
-pub use follower::{Decision, Follower, Seen};
+pub use follower::{Follower, Observed, StandbyDecision};
 
 use std::collections::BTreeSet;
 use xtb_protocol::Name;

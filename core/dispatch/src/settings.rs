@@ -2,7 +2,7 @@
 
 /// Bounds and times; times in ms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Settings {
+pub struct DispatcherSettings {
     /// Tasks that have not ended, at most; more are refused as `queue_full`.
     pub max_open: usize,
     /// Ended tasks that stay readable; the oldest are forgotten first.
@@ -56,7 +56,7 @@ pub struct Settings {
     pub start_ms: u64,
 }
 
-impl Default for Settings {
+impl Default for DispatcherSettings {
     fn default() -> Self {
         Self {
             max_open: 20_000,

@@ -9,7 +9,7 @@
 //!                        any ──► cancelling ──► cancelled ┘
 //! ```
 
-use crate::transition::{Change, Ending};
+use crate::transition::{TaskEnding, TaskUpdate};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use uuid::Uuid;
@@ -93,7 +93,7 @@ pub struct Task {
     /// Who holds its robot; only while it is held.
     pub held_by: Option<Name>,
     /// How it ends once its robot has confirmed; only while it is cancelling.
-    pub ending: Option<Ending>,
+    pub ending: Option<TaskEnding>,
     /// Not to be assigned before this, in ms since 1970.
     pub not_before_ms: u64,
     /// Since when it waits for a robot without having run, in ms since 1970: what it ages by.
@@ -261,10 +261,10 @@ impl Task {
 
     /// How it ends: at once, or when its robot has confirmed.
     #[must_use]
-    pub fn end(&self, ending: Ending) -> Change {
+    pub fn end(&self, ending: TaskEnding) -> TaskUpdate {
         match self.assigned {
-            Some(_) => Change::Cancelling { then: ending },
-            None => Change::Ended { ending },
+            Some(_) => TaskUpdate::Cancelling { then: ending },
+            None => TaskUpdate::Ended { ending },
         }
     }
 
@@ -302,19 +302,19 @@ impl Task {
     }
 
     /// Its state changes.
-    pub(crate) fn apply(&mut self, at_ms: u64, change: &Change, why: Option<&str>) {
+    pub(crate) fn apply(&mut self, at_ms: u64, change: &TaskUpdate, why: Option<&str>) {
         let why = why.map(str::to_owned);
         match change {
-            Change::Running => {
+            TaskUpdate::Running => {
                 self.began_ms = self.began_ms.or(Some(at_ms));
                 self.set_state(at_ms, TaskState::Running, why);
             }
-            Change::Blocked => self.set_state(at_ms, TaskState::Blocked, why),
-            Change::Held { by } => {
+            TaskUpdate::Blocked => self.set_state(at_ms, TaskState::Blocked, why),
+            TaskUpdate::Held { by } => {
                 self.set_state(at_ms, TaskState::Held, why);
                 self.held_by = by.clone();
             }
-            Change::Queued { not_before_ms, failed } => {
+            TaskUpdate::Queued { not_before_ms, failed } => {
                 self.not_before_ms = *not_before_ms;
                 self.failures = if self.state.is_final() { 0 } else { self.failures + u32::from(*failed) };
                 if self.state.is_final() {
@@ -324,17 +324,17 @@ impl Task {
                 self.set_state(at_ms, TaskState::Queued, why);
                 self.release();
             }
-            Change::Paused => self.set_state(at_ms, TaskState::Paused, why),
-            Change::LetGo => self.release(),
-            Change::Cancelling { then } => {
+            TaskUpdate::Paused => self.set_state(at_ms, TaskState::Paused, why),
+            TaskUpdate::LetGo => self.release(),
+            TaskUpdate::Cancelling { then } => {
                 self.set_state(at_ms, TaskState::Cancelling, why);
                 self.ending = Some(*then);
             }
-            Change::Ended { ending } => {
+            TaskUpdate::Ended { ending } => {
                 let state = match ending {
-                    Ending::Cancelled => TaskState::Cancelled,
-                    Ending::Failed => TaskState::Failed,
-                    Ending::Done => TaskState::Done,
+                    TaskEnding::Cancelled => TaskState::Cancelled,
+                    TaskEnding::Failed => TaskState::Failed,
+                    TaskEnding::Done => TaskState::Done,
                 };
                 let why = why.or_else(|| self.ending.and(self.reason.clone()));
                 self.set_state(at_ms, state, why);

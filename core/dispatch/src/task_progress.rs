@@ -5,11 +5,11 @@
 //! shows as reached is done, one that it shows as under way goes on, one that it does not know is asked
 //! for, and one that nobody wants is withdrawn.
 
-use crate::settings::Settings;
+use crate::settings::DispatcherSettings;
 use crate::suspension::SuspensionState;
 use crate::task::{Assigned, Task};
-use crate::tracked_robot::{ObservedState, Purpose, Stuck, TrackedRobot};
-use crate::transition::{Change, Ending, TaskOutcome};
+use crate::tracked_robot::{ObservedState, RequestPurpose, StalledGoal, TrackedRobot};
+use crate::transition::{TaskEnding, TaskOutcome, TaskUpdate};
 use xtb_protocol::Name;
 use xtb_protocol::messages::texts::is_client_timeout;
 use xtb_protocol::messages::{
@@ -26,7 +26,7 @@ pub struct Ctx<'a> {
     /// Our name as a client.
     pub me: &'a Name,
     /// Bounds and times.
-    pub settings: &'a Settings,
+    pub settings: &'a DispatcherSettings,
     /// What is suspended.
     pub suspension: SuspensionState<'a>,
     /// Nobody has said yet whether the fleet still has the ledger's map: no drive is begun.
@@ -64,7 +64,7 @@ pub fn outcome(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<TaskOu
             // What is gone for a moment may be back in the next one: the history is not to fill with that.
             let still = task.state == TaskState::Blocked && robot.stuck.is_some_and(|it| !clear(ctx, it));
             makes_no_progress(ctx, task, robot)
-                .or_else(|| (!known && !still).then_some(TaskOutcome::Changed(Change::Running, None)))
+                .or_else(|| (!known && !still).then_some(TaskOutcome::Changed(TaskUpdate::Running, None)))
         }
         GoalStatus::Blocked => blocked(ctx, task, robot, goal.reason.as_deref()),
         GoalStatus::Cancelled | GoalStatus::Replaced => Some(ended_by_others(ctx, robot, observed)),
@@ -80,13 +80,13 @@ fn blocked(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, reason: Option<&str>
     if task.state != TaskState::Blocked {
         let since_ms = robot.blocked_since_ms.unwrap_or(ctx.now_ms);
         let long = ctx.now_ms.saturating_sub(since_ms) >= ctx.settings.blocked_ms;
-        return long.then(|| TaskOutcome::Changed(Change::Blocked, reason.map(str::to_owned)));
+        return long.then(|| TaskOutcome::Changed(TaskUpdate::Blocked, reason.map(str::to_owned)));
     }
     makes_no_progress(ctx, task, robot)
 }
 
 /// Whether nothing has been in its way for long enough to say so.
-fn clear(ctx: Ctx<'_>, stuck: Stuck) -> bool {
+fn clear(ctx: Ctx<'_>, stuck: StalledGoal) -> bool {
     stuck.clear_ms.is_some_and(|since_ms| ctx.now_ms.saturating_sub(since_ms) >= ctx.settings.blocked_ms)
 }
 
@@ -103,8 +103,8 @@ fn makes_no_progress(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<
 /// The robot has confirmed that it does not drive for a task that is to end or to rest.
 fn ended(task: &Task) -> TaskOutcome {
     match task.ending {
-        Some(ending) => TaskOutcome::Changed(Change::Ended { ending }, None),
-        None => TaskOutcome::Changed(Change::LetGo, None),
+        Some(ending) => TaskOutcome::Changed(TaskUpdate::Ended { ending }, None),
+        None => TaskOutcome::Changed(TaskUpdate::LetGo, None),
     }
 }
 
@@ -122,8 +122,8 @@ fn offline(ctx: Ctx<'_>, task: &Task, assigned: &Assigned, robot: &TrackedRobot)
         let what = task.reason.as_ref().map(|reason| format!("{reason}; ")).unwrap_or_default();
         let why = Some(format!("{what}{why}; its goal has ended by its link-loss policy"));
         return Some(match task.ending {
-            Some(ending) => TaskOutcome::Changed(Change::Ended { ending }, why),
-            None => TaskOutcome::Changed(Change::LetGo, why),
+            Some(ending) => TaskOutcome::Changed(TaskUpdate::Ended { ending }, why),
+            None => TaskOutcome::Changed(TaskUpdate::LetGo, why),
         });
     }
     Some(TaskOutcome::queued(ctx.now_ms, why))
@@ -154,7 +154,7 @@ fn not_begun(
 ) -> Option<TaskOutcome> {
     if let Some(holder) = robot.other_holder(ctx.me) {
         let why = Some(format!("{} is under control of {holder}", robot.name));
-        return Some(TaskOutcome::Changed(Change::Held { by: Some(holder.clone()) }, why));
+        return Some(TaskOutcome::Changed(TaskUpdate::Held { by: Some(holder.clone()) }, why));
     }
     if let Some(unavailable) = &observed.unavailable {
         return Some(TaskOutcome::queued(ctx.now_ms, format!("{}: {unavailable}", robot.name)));
@@ -184,7 +184,7 @@ fn ended_by_others(ctx: Ctx<'_>, robot: &TrackedRobot, observed: &ObservedState)
         Some(by) => format!("{name} is under control of {by}"),
         None => format!("{name} received a stop command"),
     };
-    TaskOutcome::Changed(Change::Held { by }, Some(why))
+    TaskOutcome::Changed(TaskUpdate::Held { by }, Some(why))
 }
 
 /// Its goal has failed: because of us, because of the robot, or because of the goal.
@@ -195,12 +195,12 @@ fn failed(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, reason: Option<&str>)
     }
     if let Some(holder) = robot.other_holder(ctx.me) {
         let why = Some(format!("{name} is under control of {holder}"));
-        return TaskOutcome::Changed(Change::Held { by: Some(holder.clone()) }, why);
+        return TaskOutcome::Changed(TaskUpdate::Held { by: Some(holder.clone()) }, why);
     }
     if reason.is_some_and(is_client_timeout) {
         // Our fault: it may have the task again at once, and is the nearest.
         let why = Some(format!("{name} lost the connection to the dispatcher and stopped"));
-        return TaskOutcome::Changed(Change::Queued { not_before_ms: 0, failed: false }, why);
+        return TaskOutcome::Changed(TaskUpdate::Queued { not_before_ms: 0, failed: false }, why);
     }
     let why = format!("{name}: {}", reason.unwrap_or("failed"));
     count_failure(ctx, task, why)
@@ -209,11 +209,11 @@ fn failed(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, reason: Option<&str>)
 /// One failure more: again after a pause, or over.
 fn count_failure(ctx: Ctx<'_>, task: &Task, why: String) -> TaskOutcome {
     if task.failures >= task.spec.retries {
-        return TaskOutcome::Changed(Change::Ended { ending: Ending::Failed }, Some(why));
+        return TaskOutcome::Changed(TaskUpdate::Ended { ending: TaskEnding::Failed }, Some(why));
     }
     let pause_ms = ctx.settings.retry_ms << task.failures.min(16);
     let not_before_ms = ctx.now_ms + pause_ms.min(ctx.settings.retry_max_ms);
-    TaskOutcome::Changed(Change::Queued { not_before_ms, failed: true }, Some(why))
+    TaskOutcome::Changed(TaskUpdate::Queued { not_before_ms, failed: true }, Some(why))
 }
 
 /// It was taken over, or told to stop: what the task's policy says.
@@ -234,7 +234,7 @@ fn held(
         && ctx.now_ms.saturating_sub(robot.uncontested_since_ms.max(task.since_ms)) >= ctx.settings.settle_ms;
     match task.spec.on_takeover {
         OnTakeover::Fail => {
-            Some(TaskOutcome::Changed(Change::Ended { ending: Ending::Failed }, task.reason.clone()))
+            Some(TaskOutcome::Changed(TaskUpdate::Ended { ending: TaskEnding::Failed }, task.reason.clone()))
         }
         // A person's stop is not undone by a clock of ours: only a lease that was given back is.
         OnTakeover::Resume if task.held_by.is_some() && ctx.suspension.cause(task).is_none() => {
@@ -250,7 +250,8 @@ fn held(
 /// on its way yet, unless the drive has begun and ended.
 #[must_use]
 pub fn has_to_confirm(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, outcome: &TaskOutcome) -> bool {
-    let leaves = matches!(outcome, TaskOutcome::Changed(Change::Queued { .. } | Change::Ended { .. }, _));
+    let leaves =
+        matches!(outcome, TaskOutcome::Changed(TaskUpdate::Queued { .. } | TaskUpdate::Ended { .. }, _));
     let (Some(assigned), Some(observed)) = (&task.assigned, &robot.observed) else { return false };
     let goal = task.assignment(ctx.ledger).and_then(|assignment| observed.goal(assignment.goal_id()));
     leaves
@@ -288,7 +289,7 @@ pub fn refused(
         // Somebody said stop after we had asked: that stop was meant for us.
         RejectCode::Overtaken => {
             let why = Some(format!("{} received a stop command", robot.name));
-            Some(TaskOutcome::Changed(Change::Held { by: None }, why))
+            Some(TaskOutcome::Changed(TaskUpdate::Held { by: None }, why))
         }
         // The number is used up.
         RejectCode::UnknownGoal => Some(TaskOutcome::Renew),
@@ -304,10 +305,10 @@ pub fn refused(
 
 /// What to ask of a robot next; `None` = nothing.
 #[must_use]
-pub fn next_purpose(ctx: Ctx<'_>, task: Option<&Task>, robot: &TrackedRobot) -> Option<Purpose> {
+pub fn next_purpose(ctx: Ctx<'_>, task: Option<&Task>, robot: &TrackedRobot) -> Option<RequestPurpose> {
     let observed = robot.observed.as_ref()?;
     if let Some(seq) = unwanted(ctx, task, robot, observed) {
-        return Some(Purpose::Withdraw { seq });
+        return Some(RequestPurpose::Withdraw { seq });
     }
     let free = observed.holder.is_none() || observed.holder.as_ref() == Some(ctx.me);
     let leaving = robot.pending_outcome.as_ref().map(|(seq, _)| *seq);
@@ -319,7 +320,7 @@ pub fn next_purpose(ctx: Ctx<'_>, task: Option<&Task>, robot: &TrackedRobot) -> 
         // After a stop of the fleet somebody needs the lease for a reset.
         let stopped = ctx.suspension.stop.is_some();
         let keeps_lease = task.is_none() && !stopped && idle_ms < ctx.settings.lease_idle_ms;
-        return (robot.operator.lease().is_some() && !keeps_lease).then_some(Purpose::Release);
+        return (robot.operator.lease().is_some() && !keeps_lease).then_some(RequestPurpose::Release);
     };
     let assignment = task.assignment(ctx.ledger)?;
     if observed.goal(assignment.goal_id()).is_some_and(|goal| goal.status.is_final()) || !free {
@@ -329,16 +330,16 @@ pub fn next_purpose(ctx: Ctx<'_>, task: Option<&Task>, robot: &TrackedRobot) -> 
         return None; // outcome() queues it again
     }
     if robot.lease(ctx.me).is_none() {
-        return Some(Purpose::Acquire);
+        return Some(RequestPurpose::Acquire);
     }
     let present = observed.goal(assignment.goal_id());
     if present.is_some_and(|goal| goal.status == GoalStatus::Running && goal.is_planned) {
-        return next_leg(ctx, task, robot).map(Purpose::Assign);
+        return next_leg(ctx, task, robot).map(RequestPurpose::Assign);
     }
     let known = present.is_some() || robot.has_acknowledged(&assignment);
     let dwells = ctx.now_ms < task.dwells_until_ms();
     (!known && !dwells && !ctx.map_due && observed.unavailable.is_none())
-        .then_some(Purpose::Assign(assignment))
+        .then_some(RequestPurpose::Assign(assignment))
 }
 
 /// The leg after the one that runs, for a robot that can pass the point between without a stop.

@@ -7,8 +7,8 @@ pub mod record;
 use crate::replication;
 use crate::suspension::{FleetStop, KnownMap};
 use crate::task::{Task, TaskMap};
-use crate::transition::Change;
-use record::{Entry, Record};
+use crate::transition::TaskUpdate;
+use record::{LedgerEntry, Record};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Bound;
@@ -81,7 +81,10 @@ impl TaskStore {
     ///
     /// # Errors
     /// The first entry that does not fit: the ledger is not to be written to then.
-    pub fn replay(keep_ended: usize, entries: impl IntoIterator<Item = Entry>) -> Result<Self, ReplayError> {
+    pub fn replay(
+        keep_ended: usize,
+        entries: impl IntoIterator<Item = LedgerEntry>,
+    ) -> Result<Self, ReplayError> {
         let mut store = Self::new(keep_ended);
         for entry in entries {
             store.apply(&entry)?;
@@ -198,7 +201,7 @@ impl TaskStore {
     ///
     /// # Errors
     /// See [`ReplayError`]; nothing changes then.
-    pub fn apply(&mut self, entry: &Entry) -> Result<(), ReplayError> {
+    pub fn apply(&mut self, entry: &LedgerEntry) -> Result<(), ReplayError> {
         if let Record::Snapshot(store) = &entry.record {
             *self = Self { next_n: entry.n.saturating_add(1), ..(**store).clone() };
             return Ok(());
@@ -214,7 +217,7 @@ impl TaskStore {
         Ok(())
     }
 
-    fn take(&mut self, entry: &Entry) -> Result<(), String> {
+    fn take(&mut self, entry: &LedgerEntry) -> Result<(), String> {
         let at_ms = entry.at_ms;
         match &entry.record {
             Record::Opened { ledger } => {
@@ -299,10 +302,17 @@ impl TaskStore {
         }
     }
 
-    fn change(&mut self, at_ms: u64, id: TaskId, change: &Change, why: Option<&str>) -> Result<(), String> {
+    fn change(
+        &mut self,
+        at_ms: u64,
+        id: TaskId,
+        change: &TaskUpdate,
+        why: Option<&str>,
+    ) -> Result<(), String> {
         let task = self.tasks.get_mut(&id).ok_or_else(|| format!("no task {id}"))?;
         let was_final = task.state.is_final();
-        let retried = was_final && task.state != TaskState::Done && matches!(change, Change::Queued { .. });
+        let retried =
+            was_final && task.state != TaskState::Done && matches!(change, TaskUpdate::Queued { .. });
         if was_final && !retried {
             return Err(format!("{id} has already ended"));
         }

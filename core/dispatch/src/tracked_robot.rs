@@ -5,7 +5,7 @@ mod observed;
 pub use observed::{ObservedEstop, ObservedGoal, ObservedState};
 
 use crate::home::Charge;
-use crate::settings::Settings;
+use crate::settings::DispatcherSettings;
 use crate::transition::TaskOutcome;
 use crate::travel_cost::ANY_CAR;
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,7 +18,7 @@ use xtb_robot::operator::{Call, Operator};
 
 /// A goal that something keeps from getting anywhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stuck {
+pub struct StalledGoal {
     /// Which goal.
     pub goal: Uuid,
     /// Since when, in ms since 1970.
@@ -34,7 +34,7 @@ const PROGRESS_M: f64 = 0.5;
 /// Nor is one in whose way nothing has been for so long, in ms.
 const CLEAR_MS: u64 = 10_000;
 
-impl Stuck {
+impl StalledGoal {
     /// With one state more: another goal, way made, and nothing in the way for long end it.
     fn next(before: Option<Self>, now_ms: u64, observed: &ObservedState) -> Option<Self> {
         let goal = observed.running()?;
@@ -58,7 +58,7 @@ impl Stuck {
 
 /// What a pending request is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Purpose {
+pub enum RequestPurpose {
     /// The lease.
     Acquire,
     /// To give it back.
@@ -78,7 +78,7 @@ pub struct PendingRequest {
     /// Its id.
     pub id: Uuid,
     /// What it is for.
-    pub purpose: Purpose,
+    pub purpose: RequestPurpose,
     /// When to ask again and when to give up.
     pub call: Call,
 }
@@ -131,7 +131,7 @@ pub struct TrackedRobot {
     /// Since when something is in the way of its goal.
     pub blocked_since_ms: Option<u64>,
     /// What is in its way comes and goes, and it gets nowhere.
-    pub stuck: Option<Stuck>,
+    pub stuck: Option<StalledGoal>,
     /// Since when nobody else holds it.
     pub uncontested_since_ms: u64,
     /// Since when it has no task.
@@ -203,7 +203,7 @@ impl TrackedRobot {
         }
         let blocked = observed.running().is_some_and(|goal| goal.status == GoalStatus::Blocked);
         self.blocked_since_ms = if blocked { self.blocked_since_ms.or(Some(now_ms)) } else { None };
-        self.stuck = Stuck::next(self.stuck, now_ms, &observed);
+        self.stuck = StalledGoal::next(self.stuck, now_ms, &observed);
         (self.observed, self.last_heard_ms) = (Some(observed), now_ms);
     }
 
@@ -227,7 +227,7 @@ impl TrackedRobot {
 
     /// Whether its states come in.
     #[must_use]
-    pub fn is_online(&self, now_ms: u64, settings: &Settings) -> bool {
+    pub fn is_online(&self, now_ms: u64, settings: &DispatcherSettings) -> bool {
         self.observed.is_some() && self.silent_ms(now_ms) < settings.silent_ms
     }
 
@@ -247,7 +247,7 @@ impl TrackedRobot {
     ///
     /// # Errors
     /// In words.
-    pub fn availability(&self, now_ms: u64, settings: &Settings, me: &Name) -> Result<(), String> {
+    pub fn availability(&self, now_ms: u64, settings: &DispatcherSettings, me: &Name) -> Result<(), String> {
         let Some(observed) = &self.observed else { return Err("no message yet".to_owned()) };
         if !self.is_online(now_ms, settings) {
             return Err(format!("no message for {} s", self.silent_ms(now_ms) / 1000));
@@ -300,7 +300,13 @@ impl TrackedRobot {
     /// Whether it answers nothing, and can have heard of no drive for this assignment: this run has not asked for
     /// one, what an earlier run asked for has arrived by now or never will, and its state shows none.
     #[must_use]
-    pub fn has_never_answered(&self, now_ms: u64, ledger: u64, seq: u64, settings: &Settings) -> bool {
+    pub fn has_never_answered(
+        &self,
+        now_ms: u64,
+        ledger: u64,
+        seq: u64,
+        settings: &DispatcherSettings,
+    ) -> bool {
         let mut goals = self.observed.iter().flat_map(|observed| observed.goals.iter());
         let drives = goals.any(|goal| {
             let of = Assignment::of_goal(ledger, goal.id);
@@ -317,11 +323,11 @@ impl TrackedRobot {
         &mut self,
         now_ms: u64,
         id: Uuid,
-        purpose: Purpose,
+        purpose: RequestPurpose,
         body: Body,
-        settings: &Settings,
+        settings: &DispatcherSettings,
     ) {
-        if let Purpose::Assign(assignment) = purpose {
+        if let RequestPurpose::Assign(assignment) = purpose {
             self.asked_seq = Some(assignment.assign_seq);
         }
         let now = Stamp::from_ms(now_ms);

@@ -7,7 +7,7 @@ use xtb_protocol::messages::SuspensionCause;
 /// How a task that is being cancelled shall end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Ending {
+pub enum TaskEnding {
     /// Somebody has ended it.
     Cancelled,
     /// Its deadline is over.
@@ -19,7 +19,7 @@ pub enum Ending {
 /// What becomes of a task.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Change {
+pub enum TaskUpdate {
     /// Its robot is under way.
     Running,
     /// Something is in its robot's way.
@@ -43,12 +43,12 @@ pub enum Change {
     /// Ends as soon as its robot has confirmed.
     Cancelling {
         /// As what.
-        then: Ending,
+        then: TaskEnding,
     },
     /// Over.
     Ended {
         /// As what.
-        ending: Ending,
+        ending: TaskEnding,
     },
 }
 
@@ -58,7 +58,7 @@ pub enum TaskOutcome {
     /// Its drive is done.
     Reached,
     /// Its state changes.
-    Changed(Change, Option<String>),
+    Changed(TaskUpdate, Option<String>),
     /// It needs a new number on the same robot: the old one will not begin any more.
     Renew,
 }
@@ -66,11 +66,11 @@ pub enum TaskOutcome {
 impl TaskOutcome {
     /// Back to the queue; the robot gets no task for a while.
     pub(crate) fn queued(now_ms: u64, why: String) -> Self {
-        Self::Changed(Change::Queued { not_before_ms: now_ms, failed: false }, Some(why))
+        Self::Changed(TaskUpdate::Queued { not_before_ms: now_ms, failed: false }, Some(why))
     }
 
     /// No fault of the robot: it may have the task again at once.
     pub(crate) fn suspended(cause: &SuspensionCause) -> Self {
-        Self::Changed(Change::Queued { not_before_ms: 0, failed: false }, Some(cause.text()))
+        Self::Changed(TaskUpdate::Queued { not_before_ms: 0, failed: false }, Some(cause.text()))
     }
 }

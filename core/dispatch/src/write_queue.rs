@@ -4,7 +4,7 @@
 //! told, and what still is so will be seen and asked for again.
 
 use crate::task_store::TaskStore;
-use crate::task_store::record::{Entry, Record};
+use crate::task_store::record::{LedgerEntry, Record};
 use std::collections::{BTreeSet, VecDeque};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{DispatchOutcome, MapHash, TaskId};
@@ -18,7 +18,7 @@ pub struct Write {
     /// Says which in [`written`](crate::Dispatcher::written).
     pub id: u64,
     /// In their order, numbered on from the last ones.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<LedgerEntry>,
 }
 
 /// Who waits for a change.
@@ -187,7 +187,7 @@ impl WriteQueue {
             for record in &job.records {
                 let n = store.next_n() + entries.len() as u64;
                 let v = record.version();
-                entries.push(Entry { v, n, at_ms: job.at_ms, record: record.clone() });
+                entries.push(LedgerEntry { v, n, at_ms: job.at_ms, record: record.clone() });
             }
             jobs.push(job);
         }
@@ -198,7 +198,7 @@ impl WriteQueue {
     }
 
     /// The write is durable.
-    pub(crate) fn written(&mut self, id: u64) -> Option<(Vec<Entry>, Vec<WriteJob>)> {
+    pub(crate) fn written(&mut self, id: u64) -> Option<(Vec<LedgerEntry>, Vec<WriteJob>)> {
         if self.in_flight.as_ref().is_none_or(|(write, _)| write.id != id) {
             return None;
         }

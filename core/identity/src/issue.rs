@@ -45,7 +45,7 @@ pub struct Issued {
 
 /// What a certificate is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Purpose<'a> {
+pub enum CertificatePurpose<'a> {
     /// A session of a robot, a person or a service: it cannot pose as a router.
     Client,
     /// A router, also as the client of others: the names and addresses by which it is reached.
@@ -103,7 +103,7 @@ impl Authority {
 pub fn issue(
     ca: &rcgen::Issuer<'_, KeyPair>,
     own: &CommonName,
-    purpose: Purpose<'_>,
+    purpose: CertificatePurpose<'_>,
     now: SystemTime,
     life: Duration,
 ) -> Result<Issued, IssueError> {
@@ -111,9 +111,9 @@ pub fn issue(
     let mut params = CertificateParams::default();
     params.distinguished_name = common_name(&own.to_string());
     let (uses, hosts): (_, &[String]) = match purpose {
-        Purpose::Client | Purpose::Browser => (vec![ClientAuth], &[]),
-        Purpose::Router(hosts) => (vec![ServerAuth, ClientAuth], hosts),
-        Purpose::Page(hosts) => (vec![ServerAuth], hosts),
+        CertificatePurpose::Client | CertificatePurpose::Browser => (vec![ClientAuth], &[]),
+        CertificatePurpose::Router(hosts) => (vec![ServerAuth, ClientAuth], hosts),
+        CertificatePurpose::Page(hosts) => (vec![ServerAuth], hosts),
     };
     params.extended_key_usages = uses;
     params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
@@ -178,7 +178,7 @@ mod tests {
         let made = Authority::create(&fleet, now).unwrap();
         let ca = Authority::load(&made.certificate(), &made.key()).unwrap();
         let own: CommonName = "alice.2".parse().unwrap();
-        let issued = issue(&ca, &own, Purpose::Client, now, LIFE).unwrap();
+        let issued = issue(&ca, &own, CertificatePurpose::Client, now, LIFE).unwrap();
         let routers = vec!["tls/10.0.0.1:7447".to_owned()];
         let identity = Identity::new(
             fleet,
@@ -212,11 +212,12 @@ mod tests {
         let ca = Authority::load(&made.certificate(), &made.key()).unwrap();
         let hosts = ["10.0.0.1", "lab-pc.local", "::1"].map(str::to_owned);
         let router = "router.1".parse().unwrap();
-        let issued = issue(&ca, &router, Purpose::Router(&hosts), now, LIFE).unwrap();
+        let issued = issue(&ca, &router, CertificatePurpose::Router(&hosts), now, LIFE).unwrap();
         assert_eq!(Certificate::parse(&issued.certificate).unwrap().hosts, hosts);
         for bad in ["no host", "", "10.0.0.300", "-a.local", "tls/10.0.0.1", "10.0.0.1:7447"] {
             let hosts = [bad.to_owned()];
-            let refused = issue(&ca, &router, Purpose::Router(&hosts), now, LIFE).map(drop).unwrap_err();
+            let refused =
+                issue(&ca, &router, CertificatePurpose::Router(&hosts), now, LIFE).map(drop).unwrap_err();
             assert!(matches!(refused, IssueError::Host(_)), "{bad}: {refused}");
         }
     }

@@ -19,5 +19,5 @@ mod role;
 
 pub use common_name::CommonName;
 pub use identity::{Identity, IdentityError, Page};
-pub use registry::{Entry, Registry, RegistryError, Router, token_digest};
+pub use registry::{Registry, RegistryEntry, RegistryError, Router, token_digest};
 pub use role::{Action, Role, UnknownRole};

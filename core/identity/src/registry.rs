@@ -78,7 +78,7 @@ pub struct Router {
 /// One identity.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Entry {
+pub struct RegistryEntry {
     /// Whose; no two have the same.
     pub name: Name,
     /// What it may do.
@@ -96,7 +96,7 @@ pub struct Entry {
     pub token_sha256: Option<String>,
 }
 
-impl Entry {
+impl RegistryEntry {
     /// The common name of its valid certificate.
     #[must_use]
     pub fn common_name(&self) -> CommonName {
@@ -128,7 +128,7 @@ pub struct Registry {
     pub router: Router,
     /// In the order of their making.
     #[serde(default, rename = "identity")]
-    pub identities: Vec<Entry>,
+    pub identities: Vec<RegistryEntry>,
 }
 
 impl Registry {
@@ -197,7 +197,7 @@ impl Registry {
 
     /// Whose entry.
     #[must_use]
-    pub fn get(&self, name: &Name) -> Option<&Entry> {
+    pub fn get(&self, name: &Name) -> Option<&RegistryEntry> {
         self.identities.iter().find(|entry| entry.name == *name)
     }
 
@@ -205,7 +205,7 @@ impl Registry {
     ///
     /// # Errors
     /// [`RegistryError::Unknown`].
-    pub fn get_mut(&mut self, name: &Name) -> Result<&mut Entry, RegistryError> {
+    pub fn get_mut(&mut self, name: &Name) -> Result<&mut RegistryEntry, RegistryError> {
         let found = self.identities.iter_mut().find(|entry| entry.name == *name);
         found.ok_or_else(|| RegistryError::Unknown(name.clone()))
     }
@@ -214,7 +214,7 @@ impl Registry {
     ///
     /// # Errors
     /// [`RegistryError::Twice`], [`RegistryError::Covers`] or [`RegistryError::Name`].
-    pub fn add(&mut self, entry: Entry) -> Result<(), RegistryError> {
+    pub fn add(&mut self, entry: RegistryEntry) -> Result<(), RegistryError> {
         Self::check_name(&entry.name, entry.role)?;
         apart(&self.identities, &entry)?;
         self.identities.push(entry);
@@ -222,15 +222,15 @@ impl Registry {
     }
 
     /// Who is admitted: not revoked. (Expiry is the link's: it is closed then.)
-    pub fn admitted(&self) -> impl Iterator<Item = &Entry> {
+    pub fn admitted(&self) -> impl Iterator<Item = &RegistryEntry> {
         self.identities.iter().filter(|entry| !entry.revoked)
     }
 }
 
 /// Whether an entry goes with those before it. Robots and routers have no sessions under other names.
-fn apart(before: &[Entry], entry: &Entry) -> Result<(), RegistryError> {
-    let has_sessions = |entry: &Entry| !matches!(entry.role, Role::Robot | Role::Router);
-    let covers = |short: &Entry, long: &Entry| {
+fn apart(before: &[RegistryEntry], entry: &RegistryEntry) -> Result<(), RegistryError> {
+    let has_sessions = |entry: &RegistryEntry| !matches!(entry.role, Role::Robot | Role::Router);
+    let covers = |short: &RegistryEntry, long: &RegistryEntry| {
         let rest = long.name.as_str().strip_prefix(short.name.as_str());
         has_sessions(short) && has_sessions(long) && rest.is_some_and(|rest| rest.starts_with('-'))
     };
@@ -270,9 +270,16 @@ mod tests {
         UNIX_EPOCH + Duration::from_secs(seconds)
     }
 
-    fn entry(name: &str, role: Role) -> Entry {
+    fn entry(name: &str, role: Role) -> RegistryEntry {
         let name = Name::new(name).unwrap();
-        Entry { name, role, generation: 1, expires: at(1_800_000_000), revoked: false, token_sha256: None }
+        RegistryEntry {
+            name,
+            role,
+            generation: 1,
+            expires: at(1_800_000_000),
+            revoked: false,
+            token_sha256: None,
+        }
     }
 
     fn registry() -> Registry {

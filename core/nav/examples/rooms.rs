@@ -8,9 +8,9 @@ mod flood;
 
 use flood::Reachable;
 use std::time::Instant;
-use xtb_nav::planner::space::{Layers, LookOut};
-use xtb_nav::rooms::{Draw, Room};
-use xtb_nav::{Car, Gears, Goal, GridSpace, MapPose, PlanError, Planner, PlannerSettings, Space};
+use xtb_nav::planner::space::{GridLayers, LookOut};
+use xtb_nav::rooms::{Draw, RoomKind};
+use xtb_nav::{Car, Gears, GridSpace, MapPose, PlanError, Planner, PlannerGoal, PlannerSettings, Space};
 
 const TRUCK: Car =
     Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393, gears: Gears::BOTH };
@@ -24,7 +24,7 @@ fn main() {
             "| room | reachable | solved | unreachable | solved there | median ms | p95 ms | max ms | median expansions | max | mean m |"
         );
         println!("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
-        for room in Room::ALL {
+        for room in RoomKind::ALL {
             row(room, look_out, queries, seed);
         }
     }
@@ -45,15 +45,16 @@ struct Answer {
     expansions: usize,
 }
 
-fn row(room: Room, look_out: LookOut, queries: u64, seed: u64) {
+fn row(room: RoomKind, look_out: LookOut, queries: u64, seed: u64) {
     let grid = room.grid(seed);
-    let space = GridSpace::new(&Layers::map(&grid), TRUCK, look_out).unwrap();
+    let space = GridSpace::new(&GridLayers::map(&grid), TRUCK, look_out).unwrap();
     let (mut draw, mut planner, settings) = (Draw::new(seed), Planner::new(), PlannerSettings::default());
     let (mut stretch, mut answers) = (0.0, Vec::new());
     for _ in 0..queries {
         let (start, goal) = (draw.free_pose(&space).unwrap(), draw.free_pose(&space).unwrap());
         let began = Instant::now();
-        let plan = planner.plan_on_grid(&space, &start, &Goal::exactly(&goal), &settings, &mut || true);
+        let plan =
+            planner.plan_on_grid(&space, &start, &PlannerGoal::exactly(&goal), &settings, &mut || true);
         let ms = began.elapsed().as_secs_f64() * 1e3;
         let expansions = match &plan {
             Ok(plan) => plan.expansions,

@@ -39,7 +39,7 @@ pub use map::{Map, Zone, ZoneKind};
 pub use obstacle_layer::ObstacleLayer;
 pub use path_follower::{DriveCommand, DriveLimits, FollowerSettings, FollowerStatus, PathFollower};
 pub use planner::space::{GridSpace, Space};
-pub use planner::{Goal, Plan, PlanError, Planner, PlannerSettings};
+pub use planner::{Plan, PlanError, Planner, PlannerGoal, PlannerSettings};
 pub use settings::NavSettings;
 pub use xtb_control::frames::MapPose;
 pub use xtb_control::vehicle::Gears;

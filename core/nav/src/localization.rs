@@ -32,7 +32,7 @@ mod tuning;
 mod uncertainty_speed;
 
 pub use estimate::{Estimate, FixCounts};
-pub use fix::{Fix, FixError, FixOutcome};
+pub use fix::{FixError, FixOutcome, StampedFix};
 pub use tuning::FilterTuning;
 pub use uncertainty_speed::{UncertaintyLimits, UncertaintySpeed};
 pub use xtb_protocol::messages::FixSource;
@@ -186,7 +186,7 @@ impl PoseFilter {
     ///
     /// # Errors
     /// A fix that cannot be: not finite, without a usable covariance, measured after `now`.
-    pub fn fix(&mut self, now: Stamp, fix: &Fix) -> Result<FixOutcome, FixError> {
+    pub fn fix(&mut self, now: Stamp, fix: &StampedFix) -> Result<FixOutcome, FixError> {
         let measurement = fix.check(now)?;
         let age_s = now.since_s(fix.stamp);
         let slot = self.history.slot(fix.stamp).filter(|_| age_s <= self.tuning.late_s);

@@ -1,6 +1,6 @@
 //! The fleet's map: an occupancy grid, zones drawn as polygons, a hash of both, and named places.
 //!
-//! A [`Map`] comes from our world files (`xtb_sim::World::chart`), from the files of ROS's map_server
+//! A [`Map`] comes from our world files (`xtb_sim::World::to_map`), from the files of ROS's map_server
 //! ([`ros`]) or from the wire ([`wire`]), and whatever way it came, the same floor has the same
 //! [`Map::hash`]: programs that plan together compare it first.
 //!

@@ -43,7 +43,7 @@ pub use traffic_guidance::{
     ALONE_AFTER_MS, BODY_MARGINS_M, GRAZE_M, LEAST_MARGIN_M, LONGEST_PATH_M, NO_WAY_MS, START_WITHIN_M,
     TRAFFIC_LOST_MS, TrafficGuidance,
 };
-pub use turn::{Decision, HoldReason, Progress, STANDS_MPS, Sensed, TargetPose};
+pub use turn::{DriveProgress, HoldReason, Sensed, TargetPose, TurnDecision};
 
 use crate::MapPose;
 use crate::geometry::{Car, rect};
@@ -191,7 +191,7 @@ impl Navigator {
 
     /// How the present goal's path is driven.
     #[must_use]
-    pub fn progress(&self) -> Option<Progress<'_>> {
+    pub fn progress(&self) -> Option<DriveProgress<'_>> {
         let task = self.task.as_ref()?;
         let (path, plan, done_m, release_m, off_m) = match &task.stage {
             Stage::Following(following) => {
@@ -216,7 +216,7 @@ impl Navigator {
         let guidance = self.guidance.last();
         let waits_for = guidance.and_then(|guidance| guidance.waits_for.as_deref()).or(self.waits_for());
         let (plans, blocked_at) = (task.plans, task.blocked_at);
-        Some(Progress { path, plan, phase, done_m, release_m, off_m, waits_for, blocked_at, plans })
+        Some(DriveProgress { path, plan, phase, done_m, release_m, off_m, waits_for, blocked_at, plans })
     }
 
     /// What is not on the map.
@@ -226,13 +226,13 @@ impl Navigator {
     }
 
     /// A turn of a goal under way; `None` without one.
-    pub fn turn(&mut self, now: Stamp, sensed: &Sensed<'_>) -> Option<Decision> {
+    pub fn turn(&mut self, now: Stamp, sensed: &Sensed<'_>) -> Option<TurnDecision> {
         self.observe(now, sensed);
         let mut task = self.task.take()?;
         let decision = self.decide(now, sensed, &mut task);
         self.stall_monitor.turn(now, sensed.speed_mps, &decision);
         task.hold_reason = match decision {
-            Decision::Go(_, hold_reason) => hold_reason,
+            TurnDecision::Go(_, hold_reason) => hold_reason,
             _ => None,
         };
         self.task = Some(task);
@@ -253,13 +253,13 @@ impl Navigator {
         }
     }
 
-    fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+    fn decide(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> TurnDecision {
         task.yielding.waits_for = None;
         if let Err(why) = self.follow_guidance(now, sensed, task) {
-            return Decision::Failed(why);
+            return TurnDecision::Failed(why);
         }
         if let Some(reason) = self.guidance.no_way(now).filter(|_| sensed.stands()) {
-            return Decision::Failed(reason.to_owned());
+            return TurnDecision::Failed(reason.to_owned());
         }
         match task.stage {
             Stage::Seeking { .. } => self.seek(now, sensed, task),
@@ -272,11 +272,11 @@ impl Navigator {
     }
 
     /// Stands until there is a path; asks for one unless traffic control makes it.
-    fn seek(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+    fn seek(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> TurnDecision {
         let stand = stand(HoldReason::Planning);
         let Stage::Seeking { job } = &mut task.stage else { return stand };
         if self.map.is_none() {
-            return Decision::Failed("the robot has no map".to_owned());
+            return TurnDecision::Failed("the robot has no map".to_owned());
         }
         let asked = job.is_some_and(|(_, at)| now.since_ms(at) < PLAN_WITHIN_MS);
         if asked || !sensed.stands() || self.guidance.may_return(now) {

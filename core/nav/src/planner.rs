@@ -26,7 +26,7 @@ mod tree;
 
 pub use error::{End, PlanError};
 pub use lattice::Lattice;
-pub use request::{Goal, PlannerSettings};
+pub use request::{PlannerGoal, PlannerSettings};
 
 use crate::MapPose;
 use crate::geometry::{Path, Piece};
@@ -35,7 +35,7 @@ use costs::Costs;
 use curve_heuristic::CurveHeuristic;
 use request::GOAL_HEADINGS;
 use shortcuts::Shortcuts;
-use space::{GridSpace, Hit, Space, What};
+use space::{GridSpace, Hit, Obstruction, Space};
 use std::f64::consts::TAU;
 use tree::{SearchContext, Tree};
 
@@ -84,7 +84,7 @@ impl Planner {
         &mut self,
         space: &impl Space,
         start: &MapPose,
-        goal: &Goal,
+        goal: &PlannerGoal,
         settings: &PlannerSettings,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Plan, PlanError> {
@@ -109,7 +109,7 @@ impl Planner {
         &mut self,
         space: &GridSpace,
         start: &MapPose,
-        goal: &Goal,
+        goal: &PlannerGoal,
         settings: &PlannerSettings,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Plan, PlanError> {
@@ -144,7 +144,7 @@ impl Planner {
     }
 
     /// Whether the car can stand at both ends, and in which headings at the goal.
-    fn ends(&mut self, space: &impl Space, start: &MapPose, goal: &Goal) -> Result<(), PlanError> {
+    fn ends(&mut self, space: &impl Space, start: &MapPose, goal: &PlannerGoal) -> Result<(), PlanError> {
         if let Some(hit) = space.standing(start) {
             return Err(PlanError::StartInCollision(hit));
         }
@@ -169,7 +169,7 @@ impl Planner {
         }
         match hit {
             Some(at) if self.goals.is_empty() => Err(match &at.what {
-                What::KeepOut(name) => PlanError::GoalKeptOut { name: name.clone(), at },
+                Obstruction::KeepOut(name) => PlanError::GoalKeptOut { name: name.clone(), at },
                 _ => PlanError::GoalInCollision(at),
             }),
             _ => Ok(()),
@@ -181,7 +181,7 @@ impl Planner {
         &mut self,
         space: &impl Space,
         start: &MapPose,
-        goal: &Goal,
+        goal: &PlannerGoal,
         settings: &PlannerSettings,
     ) -> Result<(), PlanError> {
         let (start_m, goal_m) = ([start.x_m, start.y_m], [goal.x_m, goal.y_m]);
@@ -351,7 +351,7 @@ struct Query<'a, S: Space> {
     space: &'a S,
     costs: &'a Costs,
     start: &'a MapPose,
-    goal: &'a Goal,
+    goal: &'a PlannerGoal,
     settings: &'a PlannerSettings,
 }
 

@@ -14,7 +14,7 @@ const RESOLUTION_M: f64 = 0.05;
 
 /// What stands in a room of 10 m × 10 m.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Room {
+pub enum RoomKind {
     /// A dozen boxes.
     Open,
     /// Boxes everywhere, many gaps just wide enough.
@@ -23,7 +23,7 @@ pub enum Room {
     Doors,
 }
 
-impl Room {
+impl RoomKind {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Open, Self::Cluttered, Self::Doors];
 
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn a_seed_makes_the_same_room_again_and_another_seed_another_one() {
-        for room in Room::ALL {
+        for room in RoomKind::ALL {
             assert_eq!(room.grid(3), room.grid(3));
             assert_ne!(room.grid(3), room.grid(4));
             let occupied = room.grid(3).cells().iter().filter(|cell| **cell == Cell::Occupied).count();

@@ -12,7 +12,7 @@ use xtb_control::VehicleConfig;
 use xtb_control::config::{
     Allowed::Range,
     ConfigError,
-    Origin::{Assumed, Ours, Printed},
+    DefaultOrigin::{Assumed, Ours, Printed},
     Parameter, validate,
 };
 use xtb_control::config_section;

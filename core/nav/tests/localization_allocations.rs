@@ -5,7 +5,7 @@
 use allocation_counter::measure;
 use xtb_control::odometry::OdomPose;
 use xtb_control::{Heading, Stamp, VehicleConfig};
-use xtb_nav::localization::{FilterTuning, Fix, FixOutcome, FixSource};
+use xtb_nav::localization::{FilterTuning, FixOutcome, FixSource, StampedFix};
 use xtb_nav::{MapPose, PoseFilter};
 
 #[test]
@@ -23,7 +23,7 @@ fn steps_and_fixes_of_every_kind_allocate_nothing() {
             let odom = OdomPose { x_m: 0.0, y_m, yaw: Heading::from_deg(right_deg) };
             filter.odometry(now, &odom).unwrap();
             let carried_m = if i > 1000 { 9.0 } else { 0.0 };
-            let fix = Fix {
+            let fix = StampedFix {
                 stamp: Stamp::from_ms((u64::from(i) * 10).saturating_sub(if i % 200 == 50 {
                     900
                 } else {
@@ -32,7 +32,7 @@ fn steps_and_fixes_of_every_kind_allocate_nothing() {
                 x_m: carried_m,
                 y_m,
                 yaw_rad: (i % 100 == 0).then_some(start.yaw_rad - right_deg.to_radians()),
-                covariance: Fix::independent(0.05, 0.05),
+                covariance: StampedFix::independent(0.05, 0.05),
                 source: FixSource::Uwb,
             };
             if i % 50 == 0 {

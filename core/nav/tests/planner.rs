@@ -6,25 +6,25 @@ mod flood;
 use flood::Reachable;
 use xtb_nav::map::Zones;
 use xtb_nav::planner::End;
-use xtb_nav::planner::space::{Hit, Layers, LookOut, What};
-use xtb_nav::rooms::{Draw, Room};
+use xtb_nav::planner::space::{GridLayers, Hit, LookOut, Obstruction};
+use xtb_nav::rooms::{Draw, RoomKind};
 use xtb_nav::{
-    Car, Cell, Gears, Goal, Grid, GridSpace, MapPose, Path, Piece, Plan, PlanError, Planner, PlannerSettings,
-    Space,
+    Car, Cell, Gears, Grid, GridSpace, MapPose, Path, Piece, Plan, PlanError, Planner, PlannerGoal,
+    PlannerSettings, Space,
 };
 
 const TRUCK: Car =
     Car { front_m: 0.25, rear_m: 0.25, half_width_m: 0.2, radius_m: 0.393, gears: Gears::BOTH };
 
 fn on(grid: &Grid, look_out: LookOut) -> GridSpace {
-    GridSpace::new(&Layers::map(grid), TRUCK, look_out).unwrap()
+    GridSpace::new(&GridLayers::map(grid), TRUCK, look_out).unwrap()
 }
 
 fn at(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
     MapPose { x_m, y_m, yaw_rad }
 }
 
-fn plan(space: &GridSpace, start: &MapPose, goal: &Goal) -> Result<Plan, PlanError> {
+fn plan(space: &GridSpace, start: &MapPose, goal: &PlannerGoal) -> Result<Plan, PlanError> {
     Planner::new().plan_on_grid(space, start, goal, &PlannerSettings::default(), &mut || true)
 }
 
@@ -36,7 +36,7 @@ fn divided(gap: std::ops::Range<i64>) -> Grid {
 }
 
 /// From the start to the goal, on arcs the car can drive, touching nothing at any point.
-fn proven(space: &GridSpace, path: &Path, start: &MapPose, goal: &Goal) {
+fn proven(space: &GridSpace, path: &Path, start: &MapPose, goal: &PlannerGoal) {
     assert_eq!(path.start, *start);
     assert!(goal.met_by(&path.end()), "{:?} instead of {goal:?}", path.end());
     let tightest = path.pieces.iter().map(|piece| piece.curvature_per_m.abs()).fold(0.0, f64::max);
@@ -51,7 +51,7 @@ fn proven(space: &GridSpace, path: &Path, start: &MapPose, goal: &Goal) {
 #[test]
 fn all_that_an_exhaustive_search_reaches_is_solved_and_proven() {
     let (mut planner, settings) = (Planner::new(), PlannerSettings::default());
-    for (room, queries) in [(Room::Open, 60), (Room::Cluttered, 100), (Room::Doors, 100)] {
+    for (room, queries) in [(RoomKind::Open, 60), (RoomKind::Cluttered, 100), (RoomKind::Doors, 100)] {
         let grid = room.grid(1);
         let space = on(&grid, LookOut::OFF);
         let mut draw = Draw::new(1);
@@ -59,9 +59,10 @@ fn all_that_an_exhaustive_search_reaches_is_solved_and_proven() {
         let mut most = 0;
         for _ in 0..queries {
             let (start, goal) = (draw.free_pose(&space).unwrap(), draw.free_pose(&space).unwrap());
-            match planner.plan_on_grid(&space, &start, &Goal::exactly(&goal), &settings, &mut || true) {
+            match planner.plan_on_grid(&space, &start, &PlannerGoal::exactly(&goal), &settings, &mut || true)
+            {
                 Ok(plan) => {
-                    proven(&space, &plan.path, &start, &Goal::exactly(&goal));
+                    proven(&space, &plan.path, &start, &PlannerGoal::exactly(&goal));
                     most = most.max(plan.expansions);
                 }
                 Err(PlanError::Unreachable { .. }) => unsolved.push((start, goal)),
@@ -84,13 +85,13 @@ fn all_that_an_exhaustive_search_reaches_is_solved_and_proven() {
 #[test]
 fn the_look_out_strip_is_kept_free_on_the_whole_way() {
     let (mut planner, settings) = (Planner::new(), PlannerSettings::default());
-    let grid = Room::Doors.grid(6);
+    let grid = RoomKind::Doors.grid(6);
     let (space, body) = (on(&grid, LookOut::TRUCK), on(&grid, LookOut::OFF));
     let mut draw = Draw::new(6);
     let (mut solved, mut narrow) = (0, 0);
     for _ in 0..60 {
         let (start, goal) =
-            (draw.free_pose(&space).unwrap(), Goal::exactly(&draw.free_pose(&space).unwrap()));
+            (draw.free_pose(&space).unwrap(), PlannerGoal::exactly(&draw.free_pose(&space).unwrap()));
         let Ok(plan) = planner.plan_on_grid(&space, &start, &goal, &settings, &mut || true) else {
             narrow +=
                 usize::from(planner.plan_on_grid(&body, &start, &goal, &settings, &mut || true).is_ok());
@@ -116,14 +117,15 @@ fn the_look_out_strip_is_kept_free_on_the_whole_way() {
 
 #[test]
 fn the_same_question_has_the_same_answer_whatever_was_asked_before() {
-    let space = on(&Room::Cluttered.grid(2), LookOut::OFF);
+    let space = on(&RoomKind::Cluttered.grid(2), LookOut::OFF);
     let (mut draw, settings) = (Draw::new(2), PlannerSettings::default());
-    let queries: Vec<(MapPose, Goal)> = (0..10)
-        .map(|_| (draw.free_pose(&space).unwrap(), Goal::exactly(&draw.free_pose(&space).unwrap())))
+    let queries: Vec<(MapPose, PlannerGoal)> = (0..10)
+        .map(|_| (draw.free_pose(&space).unwrap(), PlannerGoal::exactly(&draw.free_pose(&space).unwrap())))
         .collect();
     let mut planner = Planner::new();
-    let mut ask =
-        |(start, goal): &(MapPose, Goal)| planner.plan_on_grid(&space, start, goal, &settings, &mut || true);
+    let mut ask = |(start, goal): &(MapPose, PlannerGoal)| {
+        planner.plan_on_grid(&space, start, goal, &settings, &mut || true)
+    };
     let first: Vec<_> = queries.iter().map(&mut ask).collect();
     let again: Vec<_> = queries.iter().map(&mut ask).collect();
     let alone: Vec<_> = queries.iter().map(|(start, goal)| plan(&space, start, goal)).collect();
@@ -134,11 +136,12 @@ fn the_same_question_has_the_same_answer_whatever_was_asked_before() {
 #[test]
 fn a_goal_without_a_heading_is_no_longer_than_one_with_any() {
     let space = on(&divided(20..45), LookOut::OFF);
-    let (start, free) = (at(1.0, 2.4, 2.0), Goal { yaw_rad: None, ..Goal::exactly(&at(3.2, 0.6, 0.0)) });
+    let (start, free) =
+        (at(1.0, 2.4, 2.0), PlannerGoal { yaw_rad: None, ..PlannerGoal::exactly(&at(3.2, 0.6, 0.0)) });
     let any = plan(&space, &start, &free).unwrap();
     proven(&space, &any.path, &start, &free);
     for n in 0..8 {
-        let goal = Goal::exactly(&at(3.2, 0.6, f64::from(n) * 0.785));
+        let goal = PlannerGoal::exactly(&at(3.2, 0.6, f64::from(n) * 0.785));
         let one = plan(&space, &start, &goal).unwrap();
         proven(&space, &one.path, &start, &goal);
         assert!(any.cost < one.cost + 0.6, "{} with any heading, {} with number {n}", any.cost, one.cost);
@@ -149,9 +152,9 @@ fn a_goal_without_a_heading_is_no_longer_than_one_with_any() {
 fn in_a_one_way_zone_a_goal_without_a_heading_is_not_ended_across_it() {
     let grid = Grid::free(0.05, [0.0, 0.0], 80, 60).unwrap();
     let north = vec![Some(std::f32::consts::FRAC_PI_2); 80 * 60];
-    let layers = Layers { one_way: Some(&north), ..Layers::map(&grid) };
+    let layers = GridLayers { one_way: Some(&north), ..GridLayers::map(&grid) };
     let space = GridSpace::new(&layers, TRUCK, LookOut::OFF).unwrap();
-    let free = Goal { yaw_rad: None, tolerance_m: 0.05, ..Goal::exactly(&at(2.0, 2.4, 0.0)) };
+    let free = PlannerGoal { yaw_rad: None, tolerance_m: 0.05, ..PlannerGoal::exactly(&at(2.0, 2.4, 0.0)) };
     for yaw_rad in [0.2, 1.5, 2.9] {
         let start = at(1.0, 0.8, yaw_rad);
         let end = plan(&space, &start, &free).unwrap().path.end();
@@ -166,7 +169,7 @@ fn in_a_one_way_zone_a_goal_without_a_heading_is_not_ended_across_it() {
 fn a_car_with_its_nose_at_a_wall_backs_off_first() {
     let space = on(&divided(20..45), LookOut::TRUCK);
     let start = at(1.7, 0.6, 0.0);
-    let goal = Goal::exactly(&at(3.0, 0.8, 0.0));
+    let goal = PlannerGoal::exactly(&at(3.0, 0.8, 0.0));
     let plan = plan(&space, &start, &goal).unwrap();
     proven(&space, &plan.path, &start, &goal);
     assert!(plan.path.pieces[0].length_m < 0.0);
@@ -178,23 +181,23 @@ fn ends_that_touch_something_say_what_and_where() {
     let grid = divided(20..45);
     let space = on(&grid, LookOut::OFF);
     let free = at(1.0, 1.0, 0.0);
-    let Err(PlanError::StartInCollision(Hit { x_m, what: What::Wall, .. })) =
-        plan(&space, &at(1.9, 0.5, 0.0), &Goal::exactly(&free))
+    let Err(PlanError::StartInCollision(Hit { x_m, what: Obstruction::Wall, .. })) =
+        plan(&space, &at(1.9, 0.5, 0.0), &PlannerGoal::exactly(&free))
     else {
         panic!("the start stands in the wall")
     };
     assert!((x_m - 2.025).abs() < 1e-9);
-    let error = plan(&space, &free, &Goal::exactly(&at(3.9, 1.5, 0.0))).unwrap_err();
+    let error = plan(&space, &free, &PlannerGoal::exactly(&at(3.9, 1.5, 0.0))).unwrap_err();
     assert_eq!(error.to_string(), "the goal touches the edge of the map at (4.03, 1.33)");
     let cells = (0..80 * 60).map(|index| u16::from(index % 80 > 60)).collect();
     let zones = Zones { names: vec!["charging".into()], cells };
-    let layers = Layers { zones: Some(&zones), ..Layers::map(&grid) };
+    let layers = GridLayers { zones: Some(&zones), ..GridLayers::map(&grid) };
     let space = GridSpace::new(&layers, TRUCK, LookOut::OFF).unwrap();
-    let error = plan(&space, &free, &Goal::exactly(&at(3.5, 1.5, 0.0))).unwrap_err();
+    let error = plan(&space, &free, &PlannerGoal::exactly(&at(3.5, 1.5, 0.0))).unwrap_err();
     assert!(matches!(&error, PlanError::GoalKeptOut { name, .. } if name == "charging"), "{error}");
-    let error = plan(&space, &at(f64::NAN, 1.0, 0.0), &Goal::exactly(&free)).unwrap_err();
+    let error = plan(&space, &at(f64::NAN, 1.0, 0.0), &PlannerGoal::exactly(&free)).unwrap_err();
     assert_eq!(error, PlanError::NotAPose(End::Start));
-    let goal = Goal { tolerance_m: -1.0, ..Goal::exactly(&free) };
+    let goal = PlannerGoal { tolerance_m: -1.0, ..PlannerGoal::exactly(&free) };
     assert_eq!(plan(&space, &free, &goal).unwrap_err(), PlanError::NotAPose(End::Goal));
 }
 
@@ -206,21 +209,21 @@ fn a_heading_within_the_tolerance_does_where_the_exact_one_does_not_fit() {
         (0..60).filter(|row| !(20..29).contains(row)).for_each(|row| grid.set(column, row, Cell::Occupied));
     }
     let space = on(&grid, LookOut::OFF);
-    let goal = Goal { tolerance_rad: 0.35, ..Goal::exactly(&at(3.0, 1.225, 0.35)) };
+    let goal = PlannerGoal { tolerance_rad: 0.35, ..PlannerGoal::exactly(&at(3.0, 1.225, 0.35)) };
     let plan_in = plan(&space, &at(1.0, 1.2, 0.0), &goal).unwrap();
     proven(&space, &plan_in.path, &at(1.0, 1.2, 0.0), &goal);
-    let exact = Goal { tolerance_rad: 0.0, ..goal };
+    let exact = PlannerGoal { tolerance_rad: 0.0, ..goal };
     assert!(matches!(plan(&space, &at(1.0, 1.2, 0.0), &exact), Err(PlanError::GoalInCollision(_))));
 }
 
 #[test]
 fn what_is_walled_in_is_named_with_the_wall() {
-    let (start, goal) = (at(1.0, 1.5, 0.0), Goal::exactly(&at(3.2, 1.5, 0.0)));
+    let (start, goal) = (at(1.0, 1.5, 0.0), PlannerGoal::exactly(&at(3.2, 1.5, 0.0)));
     // No gap at all, one too narrow for a point as wide as the car, one too narrow for the car.
     for gap in [0..0, 30..34, 26..34] {
         let error = plan(&on(&divided(gap.clone()), LookOut::OFF), &start, &goal).unwrap_err();
         let PlanError::Unreachable { at_m, by: Some(hit), .. } = &error else { panic!("{gap:?}: {error}") };
-        assert_eq!(hit.what, What::Wall, "{error}");
+        assert_eq!(hit.what, Obstruction::Wall, "{error}");
         assert!((hit.x_m - 2.025).abs() < 1e-9 && (1.0..3.2).contains(&at_m[0]), "{error}");
     }
     assert!(plan(&on(&divided(26..35), LookOut::OFF), &start, &goal).is_ok());
@@ -229,7 +232,7 @@ fn what_is_walled_in_is_named_with_the_wall() {
 #[test]
 fn a_budget_that_is_used_up_says_how_far_it_got() {
     let space = on(&divided(0..11), LookOut::OFF);
-    let (start, goal) = (at(1.0, 2.4, 0.0), Goal::exactly(&at(3.2, 2.4, 0.0)));
+    let (start, goal) = (at(1.0, 2.4, 0.0), PlannerGoal::exactly(&at(3.2, 2.4, 0.0)));
     let settings = PlannerSettings { most_expansions: 16, ..PlannerSettings::default() };
     let error = Planner::new().plan_on_grid(&space, &start, &goal, &settings, &mut || true).unwrap_err();
     let PlanError::Budget { expansions, nearest, left_m, .. } = error else { panic!("{error}") };
@@ -251,7 +254,7 @@ fn settings_that_make_no_search_are_refused() {
     let refused = |change: fn(&mut PlannerSettings)| {
         let mut settings = PlannerSettings::default();
         change(&mut settings);
-        let goal = Goal::exactly(&at(1.0, 2.0, 0.0));
+        let goal = PlannerGoal::exactly(&at(1.0, 2.0, 0.0));
         let plan = Planner::new().plan_on_grid(&space, &at(1.0, 1.0, 0.0), &goal, &settings, &mut || true);
         matches!(plan, Err(PlanError::Settings(_)))
     };
@@ -263,14 +266,14 @@ fn settings_that_make_no_search_are_refused() {
 
 #[test]
 fn a_car_that_looks_one_way_only_is_never_driven_the_other_way() {
-    let grid = Room::Open.grid(1);
+    let grid = RoomKind::Open.grid(1);
     let settings = PlannerSettings::default();
     for gears in [Gears { ahead: true, astern: false }, Gears { ahead: false, astern: true }] {
-        let space = GridSpace::new(&Layers::map(&grid), Car { gears, ..TRUCK }, LookOut::TRUCK).unwrap();
+        let space = GridSpace::new(&GridLayers::map(&grid), Car { gears, ..TRUCK }, LookOut::TRUCK).unwrap();
         let (mut planner, mut draw, mut found) = (Planner::new(), Draw::new(7), 0);
         for _ in 0..40 {
             let (start, goal) = (draw.free_pose(&space).unwrap(), draw.free_pose(&space).unwrap());
-            let goal = Goal { yaw_rad: None, tolerance_m: 0.05, ..Goal::exactly(&goal) };
+            let goal = PlannerGoal { yaw_rad: None, tolerance_m: 0.05, ..PlannerGoal::exactly(&goal) };
             if let Ok(plan) = planner.plan_on_grid(&space, &start, &goal, &settings, &mut || true) {
                 proven(&space, &plan.path, &start, &goal);
                 assert!(plan.path.pieces.iter().all(|piece| gears.allow(piece.length_m)), "{:?}", plan.path);
@@ -281,6 +284,6 @@ fn a_car_that_looks_one_way_only_is_never_driven_the_other_way() {
         let straight = Piece { length_m: if gears.ahead { -0.1 } else { 0.1 }, curvature_per_m: 0.0 };
         let start = draw.free_pose(&space).unwrap();
         assert!(!space.drives(&start, &straight) && !space.may_drive_all(&start, &[straight]));
-        assert_eq!(space.driving(&start, &straight).map(|hit| hit.what), Some(What::Unseen));
+        assert_eq!(space.driving(&start, &straight).map(|hit| hit.what), Some(Obstruction::Unseen));
     }
 }

@@ -17,7 +17,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use thiserror::Error;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
-use xtb_control::goto::Goal;
+use xtb_control::goto::GotoGoal;
 use xtb_control::units::OutOfRange;
 use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
 use xtb_control::{AdcCount, Command, Sample, Stamp, Steering, WheelRpm};
@@ -302,7 +302,7 @@ impl CommandLine {
             (Some(_), None, None, None, None) => Ok(Command::Idle),
             (None, Some(_), None, None, None) => Ok(Command::Wander),
             (None, None, Some(Object(GotoLine { x_m, y_m })), None, None) => {
-                Ok(Command::Goto(Goal::new(x_m, y_m)?))
+                Ok(Command::Goto(GotoGoal::new(x_m, y_m)?))
             }
             (None, None, None, Some(Object(line)), None) => {
                 let (rpm, steering) = line.checked()?;

@@ -126,7 +126,7 @@ impl RecordedStep {
 /// How a recording ends.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Ending {
+pub enum RecordingEnding {
     /// The recorder finished it.
     Complete,
     /// It breaks off; the reader's words.
@@ -175,8 +175,10 @@ impl Recording {
 
     /// How it ends; known once [`Recording::next_step`] has given `None`.
     #[must_use]
-    pub fn ending(&self) -> Ending {
-        self.input.cut_because().map_or(Ending::Complete, |words| Ending::Cut(words.to_owned()))
+    pub fn ending(&self) -> RecordingEnding {
+        self.input
+            .cut_because()
+            .map_or(RecordingEnding::Complete, |words| RecordingEnding::Cut(words.to_owned()))
     }
 
     /// The next step; `None` at the end, or where the recording breaks off.

@@ -25,8 +25,8 @@ mod touch;
 mod wander_guard;
 mod why;
 
-use crate::authority::arbitration::{Facts, Writer, writer};
-use crate::authority::assignments::Assigned;
+use crate::authority::arbitration::{Facts, MotorWriter, writer};
+use crate::authority::assignments::NewestAssignment;
 use crate::authority::goal::Goal;
 use crate::authority::guard::{Guard, Guards};
 use crate::authority::latch::LatchBook;
@@ -60,7 +60,7 @@ pub(crate) const STICK_NEUTRAL_COUNTS: f64 = 30.0 / PWM_COUNT_US;
 
 /// Who a robot is, fixed at boot.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Identity {
+pub struct RobotIdentity {
     /// Its fleet.
     pub fleet: Name,
     /// Its name.
@@ -81,7 +81,7 @@ struct ClientLimits {
 
 /// What a turn can see.
 #[derive(Debug, Clone, Copy)]
-pub struct View<'a> {
+pub struct TurnView<'a> {
     /// The controller's last outputs.
     pub outputs: &'a Outputs,
     /// Ages of gyro, encoder and converter.
@@ -98,7 +98,7 @@ pub type Arrival = u64;
 /// The brain.
 #[derive(Debug, Clone)]
 pub struct Agent {
-    identity: Identity,
+    identity: RobotIdentity,
     setpoint_lifetime_ms: u64,
     limits: ClientLimits,
     max_rpm: f64,
@@ -113,7 +113,7 @@ pub struct Agent {
     latches: LatchBook,
     replies: ReplyBook,
     goal: Option<Goal>,
-    assigned: Assigned,
+    assigned: NewestAssignment,
     /// The next leg of the assignment under way: it begins as soon as the present one is passed or reached.
     next_leg: Option<NextLeg>,
     wander_guard: WanderGuard,
@@ -129,7 +129,7 @@ pub struct Agent {
     stop_switch: bool,
     /// For the controller, at the next turn.
     pending: Option<Command>,
-    writer: Writer,
+    writer: MotorWriter,
     link_up: bool,
     idle_because: StopReason,
     faults: FaultBook,
@@ -165,7 +165,7 @@ pub struct Agent {
 impl Agent {
     /// A robot that has just booted and stands; nothing moves before a new command.
     #[must_use]
-    pub fn new(identity: Identity, vehicle: &VehicleConfig, version: &str) -> Self {
+    pub fn new(identity: RobotIdentity, vehicle: &VehicleConfig, version: &str) -> Self {
         let mut agent = Self {
             setpoint_lifetime_ms: u64::from(vehicle.teleop.lifetime_ms),
             limits: ClientLimits {
@@ -185,7 +185,7 @@ impl Agent {
             latches: LatchBook::default(),
             replies: ReplyBook::default(),
             goal: None,
-            assigned: Assigned::default(),
+            assigned: NewestAssignment::default(),
             next_leg: None,
             wander_guard: WanderGuard::default(),
             wander_looked: Stamp::ZERO,
@@ -195,7 +195,7 @@ impl Agent {
             estops: VecDeque::with_capacity(stops::ESTOP_IDS),
             stop_switch: false,
             pending: None,
-            writer: Writer::Nobody,
+            writer: MotorWriter::Nobody,
             link_up: false,
             idle_because: StopReason::NoCommand,
             faults: FaultBook::default(),
@@ -246,7 +246,7 @@ impl Agent {
 
     /// Who this is.
     #[must_use]
-    pub fn identity(&self) -> &Identity {
+    pub fn identity(&self) -> &RobotIdentity {
         &self.identity
     }
 
@@ -256,7 +256,7 @@ impl Agent {
     }
 
     /// One turn: what the controller shall do now, if anything new.
-    pub fn turn(&mut self, now: Stamp, view: View<'_>) -> Option<Command> {
+    pub fn turn(&mut self, now: Stamp, view: TurnView<'_>) -> Option<Command> {
         self.locate(now, view);
         self.watch_remote(now, view.outputs.mode);
         self.watch_faults(now, view);
@@ -282,7 +282,7 @@ impl Agent {
     }
 
     /// A fault that must stop the robot ends everything that moves; its end starts nothing.
-    fn watch_faults(&mut self, now: Stamp, view: View<'_>) {
+    fn watch_faults(&mut self, now: Stamp, view: TurnView<'_>) {
         let unheard = requests::unheard(view).is_some();
         if let Some((fault, reason)) = self.faults.stopping() {
             self.rearm = true;
@@ -314,7 +314,7 @@ impl Agent {
     /// The table has the last word: what it does not let write, ends.
     fn arbitrate(&mut self, now: Stamp) {
         self.writer = writer(&self.facts());
-        let network = matches!(self.writer, Writer::Setpoint | Writer::Goal);
+        let network = matches!(self.writer, MotorWriter::Setpoint | MotorWriter::Goal);
         if !network && self.under_way() {
             let because = self.latches.all().next().map_or(StopReason::RemoteLost, Latch::reason);
             self.stand(
@@ -348,7 +348,7 @@ impl Agent {
 
     /// Who wrote the motor at the last turn.
     #[must_use]
-    pub fn writer(&self) -> Writer {
+    pub fn writer(&self) -> MotorWriter {
         self.writer
     }
 
@@ -369,7 +369,7 @@ impl Agent {
             self.events.pop_front();
             self.events_dropped += 1;
         }
-        let Identity { robot, epoch, .. } = &self.identity;
+        let RobotIdentity { robot, epoch, .. } = &self.identity;
         self.events.push_back(Event {
             robot: robot.clone(),
             epoch: *epoch,

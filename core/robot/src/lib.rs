@@ -20,7 +20,7 @@ pub mod robot;
 pub mod round_trip;
 pub mod step_log;
 
-pub use agent::{Agent, Identity};
+pub use agent::{Agent, RobotIdentity};
 pub use authority::guard::{Guard, Guards};
 pub use operator::Operator;
 pub use robot::Robot;

@@ -30,7 +30,7 @@ pub struct Call {
 
 /// What to do about a call now.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Step {
+pub enum CallStep {
     /// Send this.
     Ask(Request),
     /// Nothing before then.
@@ -51,16 +51,16 @@ impl Call {
     }
 
     /// What to do at `now`.
-    pub fn step(&mut self, now: Stamp) -> Step {
+    pub fn step(&mut self, now: Stamp) -> CallStep {
         if now >= self.give_up {
-            return Step::GiveUp { asked: self.asked };
+            return CallStep::GiveUp { asked: self.asked };
         }
         if now < self.next_ask {
-            return Step::Wait(self.next_ask.min(self.give_up));
+            return CallStep::Wait(self.next_ask.min(self.give_up));
         }
         self.asked += 1;
         self.next_ask = now.plus_ms(self.again_ms);
-        Step::Ask(self.request.clone())
+        CallStep::Ask(self.request.clone())
     }
 
     /// Nothing came back before the transport gave up: ask again as soon as this.
@@ -158,13 +158,13 @@ mod tests {
         let mut call = Operator::default().call(id, Body::Stop {}, Stamp::ZERO, Stamp::from_ms(1200));
         let mut asks = 0;
         for ms in 0..1200 {
-            if let Step::Ask(request) = call.step(Stamp::from_ms(ms)) {
+            if let CallStep::Ask(request) = call.step(Stamp::from_ms(ms)) {
                 assert_eq!(request.id, id);
                 asks += 1;
             }
         }
         assert_eq!(asks, 3);
-        assert_eq!(call.step(Stamp::from_ms(1200)), Step::GiveUp { asked: 3 });
+        assert_eq!(call.step(Stamp::from_ms(1200)), CallStep::GiveUp { asked: 3 });
     }
 
     #[test]
@@ -172,7 +172,7 @@ mod tests {
         let asks = |body: Body| {
             let end = Stamp::from_ms(1200);
             let mut call = Operator::default().call(Uuid::nil(), body, Stamp::ZERO, end).again_after(1000);
-            (0..1200).filter(|ms| matches!(call.step(Stamp::from_ms(*ms)), Step::Ask(_))).count()
+            (0..1200).filter(|ms| matches!(call.step(Stamp::from_ms(*ms)), CallStep::Ask(_))).count()
         };
         assert_eq!(asks(Body::Stop {}), 2);
         assert_eq!(asks(Body::Acquire { take: false }), 6);

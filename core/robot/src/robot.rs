@@ -19,7 +19,7 @@ mod lines;
 mod views;
 mod watch;
 
-use crate::agent::{Agent, Arrival, Identity, STICK_NEUTRAL_COUNTS, View};
+use crate::agent::{Agent, Arrival, RobotIdentity, STICK_NEUTRAL_COUNTS, TurnView};
 use crate::authority::guard::{Guard, Guards};
 use crate::faults::INPUT_LOST_MS;
 use crate::line::{Device, LineWatch};
@@ -27,7 +27,7 @@ use crate::monitor::Monitors;
 use crate::motion::MotionTracker;
 use crate::step_log::{Step, StepLog};
 use xtb_control::controller::{AdcSample, GyroSample, PwmOutputs, RemoteSample};
-use xtb_control::tpu::{ResetMask, Setup, SetupTask, WATCHDOG_MS};
+use xtb_control::tpu::{ResetMask, SetupTask, TpuSetup, WATCHDOG_MS};
 use xtb_control::vehicle::Imu;
 use xtb_control::{Command, Controller, Outputs, PwmCount, Sample, Stamp, VehicleConfig};
 use xtb_protocol::bno085::Bno085Counter;
@@ -117,9 +117,9 @@ impl Robot {
     /// A robot at boot. `vehicle` must have passed its validation; one whose channel map has not is
     /// never set up, so it stands.
     #[must_use]
-    pub fn new(identity: Identity, vehicle: VehicleConfig, version: &str) -> Self {
+    pub fn new(identity: RobotIdentity, vehicle: VehicleConfig, version: &str) -> Self {
         let agent = Agent::new(identity, &vehicle, version);
-        let setup = Setup::of(&vehicle).unwrap_or(Setup {
+        let setup = TpuSetup::of(&vehicle).unwrap_or(TpuSetup {
             pwm_period_counts: 0,
             tcr_prescaler: 0,
             fqm_window: 0,
@@ -201,7 +201,7 @@ impl Robot {
     /// One request of a client.
     pub fn request(&mut self, now: Stamp, arrival: Arrival, client: &Name, request: &Request) -> Reply {
         let ages = self.ages(now);
-        let view = View {
+        let view = TurnView {
             outputs: &self.outputs,
             ages,
             neutral: self.neutral_since.is_some(),
@@ -213,7 +213,7 @@ impl Robot {
     /// One question of a client about settings that may change, or a change of them.
     pub fn param(&mut self, now: Stamp, client: &Name, request: &ParamRequest) -> ParamReply {
         let ages = self.ages(now);
-        let view = View {
+        let view = TurnView {
             outputs: &self.outputs,
             ages,
             neutral: self.neutral_since.is_some(),
@@ -241,7 +241,7 @@ impl Robot {
         let gyro_fault = self.gyro_fault(now, line_fault);
         self.agent.set_faults(now, &self.faults(now, line_fault, gyro_fault));
         let (ages, neutral) = (self.ages(now), self.neutral_since.is_some());
-        let view = View { outputs: &self.outputs, ages, neutral, over_speed: self.over_speed() };
+        let view = TurnView { outputs: &self.outputs, ages, neutral, over_speed: self.over_speed() };
         let command = self.agent.turn(now, view);
         if let Some(command) = command {
             self.step(now, &Sample::Command(command));

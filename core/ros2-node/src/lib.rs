@@ -34,7 +34,7 @@ pub enum NodeError {
 }
 
 /// Says that somebody is there; taken back before what it stands for.
-type Token = xtb_bus::Token;
+type Token = xtb_bus::PresenceToken;
 
 /// The time now, in ns since 1970: what attachments and stamps bear.
 #[must_use]

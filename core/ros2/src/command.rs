@@ -13,7 +13,7 @@
 //! it comes, but not again.
 
 use crate::attachment::Attachment;
-use crate::drive::{Car, Drive, Notice};
+use crate::drive::{Drive, Notice, VelocityLimits};
 use crate::freshness::{Counts, Freshness, MOST, Sources};
 use crate::gid::Gid;
 use crate::graph::Graph;
@@ -66,7 +66,7 @@ struct Publisher {
 /// The publishers of `cmd_vel` of one robot.
 #[derive(Debug, Clone)]
 pub struct Commands {
-    car: Car,
+    car: VelocityLimits,
     sources: Sources,
     publishers: BTreeMap<Gid, Publisher>,
     driver: Option<Gid>,
@@ -78,7 +78,7 @@ impl Commands {
     #[must_use]
     pub fn of(vehicle: &VehicleConfig) -> Self {
         Self {
-            car: Car::of(vehicle),
+            car: VelocityLimits::of(vehicle),
             sources: Sources::default(),
             publishers: BTreeMap::new(),
             driver: None,

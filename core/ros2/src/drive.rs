@@ -69,12 +69,12 @@ pub enum Notice {
 
 /// A vehicle that follows velocities.
 #[derive(Debug, Clone)]
-pub struct Car {
+pub struct VelocityLimits {
     vehicle: VehicleConfig,
     smallest_radius_m: f64,
 }
 
-impl Car {
+impl VelocityLimits {
     /// The car of these settings; no faster than teleoperation.
     #[must_use]
     pub fn of(vehicle: &VehicleConfig) -> Self {
@@ -119,8 +119,8 @@ mod tests {
     use proptest::prelude::*;
     use xtb_nav::path_follower::{DriveCommand, FollowerStatus};
 
-    fn car() -> Car {
-        Car::of(&VehicleConfig::default())
+    fn car() -> VelocityLimits {
+        VelocityLimits::of(&VehicleConfig::default())
     }
 
     fn drive(speed_mps: f64, yaw_rate_radps: f64) -> Drive {

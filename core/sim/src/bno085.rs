@@ -3,7 +3,7 @@
 //! Mounted flat with its x axis ahead. Its yaw is 0 at power-on and drifts as a 3DM-G's; accelerations are gravity's
 //! and noise, as nobody uses more of them.
 
-use crate::faults::{GyroFault, LineFault};
+use crate::faults::{GyroFault, InjectedLineFault};
 use crate::gyro::Attitude;
 use crate::parameters::GyroTruth;
 use crate::rng::Rng;
@@ -25,7 +25,7 @@ pub(crate) struct Bno085 {
     next_ns: u64,
     /// Heading at power-on.
     north_deg: Option<f64>,
-    line: LineFault,
+    line: InjectedLineFault,
     /// The frame at which it froze.
     stuck: Option<Bno085Sample>,
     fault: GyroFault,
@@ -43,7 +43,7 @@ impl Bno085 {
             next_ns: noise.up_to(PERIOD_NS),
             noise,
             north_deg: None,
-            line: LineFault::None,
+            line: InjectedLineFault::None,
             stuck: None,
             fault: GyroFault::None,
             last: Bno085Sample::default(),
@@ -52,8 +52,8 @@ impl Bno085 {
     }
 
     /// Breaks or mends its wire to the board.
-    pub(crate) fn set_line_fault(&mut self, fault: LineFault) {
-        (self.line, self.stuck) = (fault, (fault == LineFault::Frozen).then_some(self.last));
+    pub(crate) fn set_line_fault(&mut self, fault: InjectedLineFault) {
+        (self.line, self.stuck) = (fault, (fault == InjectedLineFault::Frozen).then_some(self.last));
     }
 
     /// Breaks or mends it.
@@ -78,15 +78,15 @@ impl Bno085 {
             GyroFault::Frozen => self.last,
         };
         match self.line {
-            LineFault::None => Some(self.last),
-            LineFault::Lossy(part) => (!self.noise.chance(part)).then_some(self.last),
+            InjectedLineFault::None => Some(self.last),
+            InjectedLineFault::Lossy(part) => (!self.noise.chance(part)).then_some(self.last),
             // The board sees frames that begin and have a wrong sum, and says so with the next good one.
-            LineFault::Garbage | LineFault::HalfFrames => {
+            InjectedLineFault::Garbage | InjectedLineFault::HalfFrames => {
                 self.bad = self.bad.wrapping_add(1);
                 None
             }
-            LineFault::Frozen => self.stuck,
-            LineFault::Silent | LineFault::WrongDevice => None,
+            InjectedLineFault::Frozen => self.stuck,
+            InjectedLineFault::Silent | InjectedLineFault::WrongDevice => None,
         }
     }
 
@@ -160,12 +160,14 @@ mod tests {
     #[test]
     fn what_breaks_is_seen_at_the_board() {
         let mut unit = unit(ImuYaw::Clockwise);
-        unit.set_line_fault(LineFault::Garbage);
+        unit.set_line_fault(InjectedLineFault::Garbage);
         assert_eq!(second(&mut unit), []);
-        unit.set_line_fault(LineFault::None);
+        unit.set_line_fault(InjectedLineFault::None);
         let samples = second(&mut unit);
         assert_eq!((samples.len(), samples[0].bad, samples[0].index), (100, 100, 101));
-        for (line, fault) in [(LineFault::Frozen, GyroFault::None), (LineFault::None, GyroFault::Frozen)] {
+        for (line, fault) in
+            [(InjectedLineFault::Frozen, GyroFault::None), (InjectedLineFault::None, GyroFault::Frozen)]
+        {
             unit.set_line_fault(line);
             unit.set_fault(fault);
             let still = second(&mut unit);

@@ -20,7 +20,7 @@ use crate::receiver::{Receiver, Transmitter};
 use crate::rng::Rng;
 use xtb_control::PwmCount;
 use xtb_control::controller::{AdcSample, PwmOutputs};
-use xtb_control::tpu::{Channel, SYSTEM_CLOCK_HZ, Setup};
+use xtb_control::tpu::{PinChannel, SYSTEM_CLOCK_HZ, TpuSetup};
 use xtb_control::units::{PWM_COUNT_US, Stamp};
 use xtb_protocol::bno085::Bno085Sample;
 use xtb_protocol::board::{
@@ -91,18 +91,18 @@ impl ShaftTravel {
 /// What the board does once it is set up.
 #[derive(Debug, Clone)]
 struct Running {
-    setup: Setup,
+    setup: TpuSetup,
     pwm: Timer,
     encoder: Timer,
 }
 
 impl Running {
     /// Starts periods and windows; `None` if the set-up is impossible.
-    fn start(setup: Setup, now: Stamp, noise: &mut Rng) -> Option<Self> {
+    fn start(setup: TpuSetup, now: Stamp, noise: &mut Rng) -> Option<Self> {
         let pwm_s = f64::from(setup.pwm_period_counts) * PWM_COUNT_US * 1e-6;
         let ticks = f64::from(setup.fqm_window) * f64::from(setup.tcr_prescaler);
         let window_s = ticks / SYSTEM_CLOCK_HZ;
-        let known = setup.channels.iter().all(|&code| Channel::from_code(code).is_some());
+        let known = setup.channels.iter().all(|&code| PinChannel::from_code(code).is_some());
         if pwm_s < SHORTEST_S || window_s < SHORTEST_S || setup.watchdog_ms == 0 || !known {
             return None;
         }
@@ -269,7 +269,7 @@ impl Board {
         self.heard.is_none_or(|heard| now.since_s(heard) >= running.watchdog_s())
     }
 
-    fn set_up(&mut self, setup: Setup, now: Stamp, noise: &mut Rng) {
+    fn set_up(&mut self, setup: TpuSetup, now: Stamp, noise: &mut Rng) {
         let Some(running) = Running::start(setup, now, noise) else {
             self.refused += 1;
             return;

@@ -8,7 +8,7 @@ use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
 
 /// What is wrong with one line.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum LineFault {
+pub enum InjectedLineFault {
     /// Nothing.
     #[default]
     None,
@@ -31,9 +31,9 @@ pub enum LineFault {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LineFaults {
     /// From the I/O board.
-    pub board: LineFault,
+    pub board: InjectedLineFault,
     /// From the gyro.
-    pub gyro: LineFault,
+    pub gyro: InjectedLineFault,
 }
 
 /// What is wrong with one range finder.

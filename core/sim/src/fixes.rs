@@ -8,12 +8,12 @@ use std::collections::VecDeque;
 use std::f64::consts::PI;
 use xtb_control::config::{
     Allowed::{Range, Switch},
-    Origin::Ours,
+    DefaultOrigin::Ours,
 };
 use xtb_control::config_section;
 use xtb_control::frames::wrap_rad;
 use xtb_control::units::Stamp;
-use xtb_nav::localization::{Fix, FixSource};
+use xtb_nav::localization::{FixSource, StampedFix};
 use xtb_protocol::messages::{self, TruthRobot};
 
 config_section! {
@@ -35,7 +35,7 @@ config_section! {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SimulatedFix {
     /// As the truck gets it.
-    pub fix: Fix,
+    pub fix: StampedFix,
     /// Whether it is an outlier.
     pub outlier: bool,
 }
@@ -44,7 +44,7 @@ impl SimulatedFix {
     /// As it travels.
     #[must_use]
     pub fn message(&self, now: Stamp) -> messages::Fix {
-        let Fix { stamp, x_m, y_m, yaw_rad, covariance, source } = self.fix;
+        let StampedFix { stamp, x_m, y_m, yaw_rad, covariance, source } = self.fix;
         messages::Fix {
             x_m,
             y_m,
@@ -131,12 +131,12 @@ impl FixMaker {
             (x_m, y_m) = (x_m + off_m * cos, y_m + off_m * sin);
             yaw_rad = noise.uniform(-PI, PI);
         }
-        let fix = Fix {
+        let fix = StampedFix {
             stamp: now,
             x_m,
             y_m,
             yaw_rad: self.truth.heading.then(|| wrap_rad(yaw_rad)),
-            covariance: Fix::independent(noise_m, noise_rad),
+            covariance: StampedFix::independent(noise_m, noise_rad),
             source: FixSource::MotionCapture,
         };
         SimulatedFix { fix, outlier }

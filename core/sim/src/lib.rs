@@ -11,7 +11,6 @@ mod bno085;
 mod board;
 mod bodies;
 pub mod calibration;
-mod chart;
 mod converter;
 mod drive;
 mod executor;
@@ -39,17 +38,17 @@ mod servos;
 pub mod simulation;
 mod starts;
 mod step;
+mod to_map;
 pub mod vehicle;
 mod vehicle_file;
 pub mod world;
 mod world_error;
 
 pub use calibration::CalibrationTruth;
-pub use chart::{CHART_RESOLUTION_M, ChartError};
 pub use executor::{Executor, Sequential};
 pub use external::{ExternalBoard, Pins, Pulses};
 pub use faults::{
-    DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults,
+    DriveFault, EncoderFault, GyroFault, InjectedLineFault, LineFaults, RangeFinderFault, SensorFaults,
 };
 pub use fixes::{FixMaker, FixTruth, SimulatedFix};
 pub use hands::Hands;
@@ -61,6 +60,7 @@ pub use receiver::Transmitter;
 pub use scene::StepContext;
 pub use simulation::{MOST_FOREIGN, Simulation, SimulationError};
 pub use step::STEP_NS;
+pub use to_map::{MAP_RESOLUTION_M, ToMapError};
 pub use vehicle::Truck;
 pub use vehicle_file::{VehicleFile, VehicleFileError};
 pub use world::{BoxSpec, World};

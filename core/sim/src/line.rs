@@ -1,6 +1,6 @@
 //! What a device has sent and nobody has read yet: bounded like the buffer of a serial port.
 
-use crate::faults::LineFault;
+use crate::faults::InjectedLineFault;
 use crate::rng::Rng;
 
 /// About three seconds of either device.
@@ -14,7 +14,7 @@ const MAX_FRAME: usize = 64;
 pub(crate) struct Outbox {
     bytes: Vec<u8>,
     dropped: u64,
-    fault: LineFault,
+    fault: InjectedLineFault,
     noise: Rng,
     /// The frame at which the device froze.
     frozen: [u8; MAX_FRAME],
@@ -27,7 +27,7 @@ impl Outbox {
         Self {
             bytes: Vec::with_capacity(CAPACITY),
             dropped: 0,
-            fault: LineFault::None,
+            fault: InjectedLineFault::None,
             noise,
             frozen: [0; MAX_FRAME],
             frozen_len: 0,
@@ -35,37 +35,37 @@ impl Outbox {
     }
 
     /// What happens to frames from now on.
-    pub(crate) fn set_fault(&mut self, fault: LineFault) {
+    pub(crate) fn set_fault(&mut self, fault: InjectedLineFault) {
         self.fault = fault;
         self.frozen_len = 0;
     }
 
-    pub(crate) fn fault(&self) -> LineFault {
+    pub(crate) fn fault(&self) -> InjectedLineFault {
         self.fault
     }
 
     /// One whole frame of the line's own device.
     pub(crate) fn send(&mut self, frame: &[u8]) {
         match self.fault {
-            LineFault::None => self.pass(frame),
-            LineFault::Silent | LineFault::WrongDevice => {}
-            LineFault::Garbage => {
+            InjectedLineFault::None => self.pass(frame),
+            InjectedLineFault::Silent | InjectedLineFault::WrongDevice => {}
+            InjectedLineFault::Garbage => {
                 for _ in frame {
                     let byte = self.noise.up_to(255) as u8;
                     self.pass(&[byte]);
                 }
             }
-            LineFault::HalfFrames => {
+            InjectedLineFault::HalfFrames => {
                 let quarter = frame.len() / 4;
                 self.pass(&frame[..quarter]);
                 self.pass(&frame[frame.len() - quarter..]);
             }
-            LineFault::Lossy(part) => {
+            InjectedLineFault::Lossy(part) => {
                 if !self.noise.chance(part) {
                     self.pass(frame);
                 }
             }
-            LineFault::Frozen => self.repeat_frozen(frame),
+            InjectedLineFault::Frozen => self.repeat_frozen(frame),
         }
     }
 
@@ -108,7 +108,7 @@ mod tests {
     }
 
     /// What arrives of ten frames `0, 1, … 11` each.
-    fn arrives(fault: LineFault) -> Vec<u8> {
+    fn arrives(fault: InjectedLineFault) -> Vec<u8> {
         let (mut outbox, mut bytes) = (outbox(), Vec::new());
         outbox.set_fault(fault);
         let frame: Vec<u8> = (0..12).collect();
@@ -132,24 +132,24 @@ mod tests {
 
     #[test]
     fn every_fault_does_to_frames_what_it_says() {
-        let whole = arrives(LineFault::None);
+        let whole = arrives(InjectedLineFault::None);
         assert_eq!(whole.len(), 120);
-        assert!(arrives(LineFault::Silent).is_empty());
-        let garbage = arrives(LineFault::Garbage);
+        assert!(arrives(InjectedLineFault::Silent).is_empty());
+        let garbage = arrives(InjectedLineFault::Garbage);
         assert!(garbage.len() == 120 && garbage != whole, "as many bytes");
-        assert_eq!(arrives(LineFault::HalfFrames), [0, 1, 2, 9, 10, 11].repeat(10));
-        assert_eq!(arrives(LineFault::Lossy(0.0)), whole);
-        assert!(arrives(LineFault::Lossy(1.0)).is_empty());
-        let some = arrives(LineFault::Lossy(0.5)).len();
+        assert_eq!(arrives(InjectedLineFault::HalfFrames), [0, 1, 2, 9, 10, 11].repeat(10));
+        assert_eq!(arrives(InjectedLineFault::Lossy(0.0)), whole);
+        assert!(arrives(InjectedLineFault::Lossy(1.0)).is_empty());
+        let some = arrives(InjectedLineFault::Lossy(0.5)).len();
         assert!(some > 12 && some < 108 && some.is_multiple_of(12), "whole frames: {some}");
     }
 
     #[test]
     fn a_frozen_device_repeats_one_frame_until_it_recovers() {
         let (mut outbox, mut bytes) = (outbox(), Vec::new());
-        outbox.set_fault(LineFault::Frozen);
+        outbox.set_fault(InjectedLineFault::Frozen);
         (1..4).for_each(|i| outbox.send(&[i; 3]));
-        outbox.set_fault(LineFault::None);
+        outbox.set_fault(InjectedLineFault::None);
         outbox.send(&[9; 3]);
         outbox.take(&mut bytes);
         assert_eq!(bytes, [1, 1, 1, 1, 1, 1, 1, 1, 1, 9, 9, 9]);

@@ -33,7 +33,7 @@ use xtb_protocol::keys::{FloorCell, NameError};
 use xtb_protocol::messages::{Body, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::agent::Arrival;
-use xtb_robot::{Identity, Robot};
+use xtb_robot::{Robot, RobotIdentity};
 
 /// Why robots cannot be put into a simulation.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -99,7 +99,7 @@ impl Lockstep {
         assert_eq!(vehicles.len(), simulation.trucks().len(), "a vehicle for each truck");
         let robot = |(epoch, (truck, vehicle)): (usize, (&Truck, &VehicleConfig))| {
             let TruthRobot { x_m, y_m, yaw_rad, .. } = truck.truth();
-            let identity = Identity {
+            let identity = RobotIdentity {
                 fleet: fleet.clone(),
                 robot: Name::robot(truck.name())?,
                 epoch: epoch as u64,

@@ -8,7 +8,7 @@
 use xtb_control::config::{
     Allowed::{OneOf, Range, Switch},
     ConfigError,
-    Origin::{Assumed, DataSheet, Printed},
+    DefaultOrigin::{Assumed, DataSheet, Printed},
     Parameter,
 };
 use xtb_control::vehicle::{Drivetrain, Imu, ImuYaw, RangeFinders};

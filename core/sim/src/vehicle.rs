@@ -24,7 +24,7 @@ use crate::calibration::CalibrationTruth;
 use crate::converter::Sums;
 use crate::drive::{Battery, Drive};
 use crate::external::External;
-use crate::faults::{DriveFault, LineFault, LineFaults, SensorFaults};
+use crate::faults::{DriveFault, InjectedLineFault, LineFaults, SensorFaults};
 use crate::geometry::OrientedBox;
 use crate::gyro::{Attitude, Gyro};
 use crate::hands::Hands;
@@ -408,10 +408,10 @@ impl Truck {
     /// Lets devices that hang on the wrong line send.
     fn swap_lines(&mut self, attitude: &Attitude) {
         let (board_line, gyro_line) = (self.board.outbox(), self.gyro.outbox());
-        if board_line.fault() == LineFault::WrongDevice {
+        if board_line.fault() == InjectedLineFault::WrongDevice {
             self.impostors.on_board_line(self.now, attitude, board_line);
         }
-        if gyro_line.fault() == LineFault::WrongDevice {
+        if gyro_line.fault() == InjectedLineFault::WrongDevice {
             self.impostors.on_gyro_line(self.now, board::FIRMWARE, gyro_line);
         }
     }

@@ -14,7 +14,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use xtb_nav::{Car, Gears, MapPose};
-use xtb_traffic::solver::{Bounds, Obstacle, Problem, Schedule, Task, Tolerance, Unsolved, check};
+use xtb_traffic::solver::{CarTask, FloorBounds, Obstacle, Problem, Schedule, Tolerance, Unsolved, check};
 
 /// As `fleet-cli/src/commands/plan/instance.rs` has them.
 const CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: Gears::BOTH };
@@ -40,9 +40,9 @@ fn problem(text: &str) -> Problem {
     let pose = |at: &[f64]| MapPose { x_m: at[0], y_m: size[1] - at[1], yaw_rad: at[2] };
     let cars = names.into_iter().zip(starts.iter().zip(&goals));
     Problem {
-        bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: size[0], north_m: size[1] },
+        bounds: FloorBounds { west_m: 0.0, south_m: 0.0, east_m: size[0], north_m: size[1] },
         cars: cars
-            .map(|(name, (start, goal))| Task { name, car: CAR, start: pose(start), goal: pose(goal) })
+            .map(|(name, (start, goal))| CarTask { name, car: CAR, start: pose(start), goal: pose(goal) })
             .collect(),
         obstacles: discs
             .iter()

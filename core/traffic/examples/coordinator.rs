@@ -16,7 +16,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 use toy::{Trouble, World};
 use xtb_nav::{Cell, MapPose};
-use xtb_traffic::coordinator::Room;
+use xtb_traffic::coordinator::RoomGeometry;
 
 fn clock_ms() -> f64 {
     static START: OnceLock<Instant> = OnceLock::new();

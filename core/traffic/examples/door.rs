@@ -16,7 +16,7 @@ use rand_pcg::Pcg32;
 use std::f64::consts::FRAC_PI_2;
 use std::time::{Duration, Instant};
 use xtb_nav::{Car, Gears, MapPose};
-use xtb_traffic::solver::{Bounds, Obstacle, Problem, Task, Tolerance, check};
+use xtb_traffic::solver::{CarTask, FloorBounds, Obstacle, Problem, Tolerance, check};
 
 const TRUCKS: usize = 5;
 const SECONDS: f64 = 20.0;
@@ -57,10 +57,10 @@ fn problem(from_north: usize, seed: u64) -> Problem {
         let yaw_rad = if truck < from_north { -FRAC_PI_2 } else { FRAC_PI_2 };
         let (one, other) = (place(south[truck], 2.0, yaw_rad), place(north[truck], 6.0, yaw_rad));
         let (start, goal) = if truck < from_north { (other, one) } else { (one, other) };
-        Task { name: format!("xtb-{}", truck + 1), car: CAR, start, goal }
+        CarTask { name: format!("xtb-{}", truck + 1), car: CAR, start, goal }
     };
     Problem {
-        bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: 8.0, north_m: 8.0 },
+        bounds: FloorBounds { west_m: 0.0, south_m: 0.0, east_m: 8.0, north_m: 8.0 },
         cars: (0..TRUCKS).map(task).collect(),
         obstacles: vec![wall(0.0, 3.5), wall(4.5, 8.0)],
         one_way: None,

@@ -10,7 +10,9 @@ use rand_pcg::Pcg32;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::time::{Duration, Instant};
 use xtb_nav::{Car, Gears, MapPose};
-use xtb_traffic::solver::{Bounds, Obstacle, Problem, Settings, Solver, Task, Tolerance, check};
+use xtb_traffic::solver::{
+    CarTask, FloorBounds, Obstacle, Problem, Solver, SolverSettings, Tolerance, check,
+};
 
 const CAR: Car = Car { front_m: 2.0, rear_m: 1.0, half_width_m: 1.0, radius_m: 3.0, gears: Gears::BOTH };
 const DISC_M: f64 = 0.8;
@@ -77,9 +79,9 @@ impl Family {
         }
         let places = starts.into_iter().zip(goals).enumerate();
         Problem {
-            bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: side_m, north_m: side_m },
+            bounds: FloorBounds { west_m: 0.0, south_m: 0.0, east_m: side_m, north_m: side_m },
             cars: places
-                .map(|(i, (start, goal))| Task { name: format!("car-{i}"), car: CAR, start, goal })
+                .map(|(i, (start, goal))| CarTask { name: format!("car-{i}"), car: CAR, start, goal })
                 .collect(),
             obstacles,
             one_way: None,
@@ -103,7 +105,7 @@ fn main() {
             let mut go_on = || begun.elapsed() < Duration::from_secs(seconds);
             let solved = Solver::new(&problem, &mut go_on).and_then(|solver| {
                 compass += begun.elapsed().as_secs_f64();
-                solver.solve(&Settings { seed, ..Settings::default() }, &mut go_on)
+                solver.solve(&SolverSettings { seed, ..SolverSettings::default() }, &mut go_on)
             });
             match solved.map(|schedule| (check(&problem, &schedule), schedule)) {
                 Ok((Ok(()), schedule)) => {

@@ -57,8 +57,8 @@ pub use field::Field;
 pub use job::{JointJob, JointResult};
 pub use messages::Neighbours;
 pub use plans::MOST_JOBS;
-pub use room::{GridRoom, Room};
-pub use view::{Counters, Guide, PlannedGoal, RobotView, RouteReport};
+pub use room::{GridRoom, RoomGeometry};
+pub use view::{CoordinatorCounters, Guide, PlannedGoal, ReportedRobot, RouteReport};
 
 use discretized_path::{DiscretizedPath, STEP_M};
 use job::Block;
@@ -101,7 +101,7 @@ const DEADLOCK_MS: u64 = 8000;
 /// Traffic control.
 #[derive(Debug)]
 pub struct Coordinator {
-    room: Arc<dyn Room>,
+    room: Arc<dyn RoomGeometry>,
     /// By ascending id.
     trucks: Vec<Truck>,
     ids_by_name: BTreeMap<String, u32>,
@@ -117,13 +117,13 @@ pub struct Coordinator {
     moved: Stamp,
     standstill: Standstill,
     seed: u64,
-    counters: Counters,
+    counters: CoordinatorCounters,
 }
 
 impl Coordinator {
     /// For trucks in one room, each with the car of its own reports; the seed is for orders that are drawn.
     #[must_use]
-    pub fn new(room: Arc<dyn Room>, seed: u64) -> Self {
+    pub fn new(room: Arc<dyn RoomGeometry>, seed: u64) -> Self {
         Self {
             room,
             trucks: Vec::new(),
@@ -139,13 +139,13 @@ impl Coordinator {
             moved: Stamp::ZERO,
             standstill: Standstill::default(),
             seed,
-            counters: Counters::default(),
+            counters: CoordinatorCounters::default(),
         }
     }
 
     /// What has happened so far.
     #[must_use]
-    pub fn counters(&self) -> Counters {
+    pub fn counters(&self) -> CoordinatorCounters {
         self.counters
     }
 
@@ -160,7 +160,7 @@ impl Coordinator {
     }
 
     /// Another map: everybody stops at the end of what is released, and all ways are looked for anew.
-    pub fn map(&mut self, now: Stamp, room: Arc<dyn Room>) {
+    pub fn map(&mut self, now: Stamp, room: Arc<dyn RoomGeometry>) {
         self.room = room;
         self.trucks.iter_mut().for_each(|truck| truck.halt(now));
         self.out.clear();
@@ -177,7 +177,7 @@ impl Coordinator {
     }
 
     /// A report of a robot. One that is older than the last is dropped.
-    pub fn robot(&mut self, now: Stamp, view: RobotView) {
+    pub fn robot(&mut self, now: Stamp, view: ReportedRobot) {
         let seen = Stamp::from_ns(now.ns().saturating_sub(view.age_ms.saturating_mul(1_000_000)));
         let known = self.ids_by_name.get(&view.name).and_then(|&id| place_of(&self.trucks, id));
         let index = match known {

@@ -45,10 +45,12 @@ mod table;
 mod tests;
 mod time_to_go;
 
-pub use check::{Fault, check};
+pub use check::{ScheduleFault, check};
 pub use order::{Precedence, precedences};
-pub use problem::{Bounds, MOST_CARS, Obstacle, Place, Problem, ProblemError, Task, Tolerance, obstacles_of};
-pub use schedule::{Row, Schedule, Way};
+pub use problem::{
+    CarTask, FloorBounds, MOST_CARS, Obstacle, Place, Problem, ProblemError, Tolerance, obstacles_of,
+};
+pub use schedule::{Schedule, ScheduleRow, Way};
 
 use instance::Instance;
 use plans::Plans;
@@ -56,7 +58,7 @@ use thiserror::Error;
 
 /// How long and how hard to try.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Settings {
+pub struct SolverSettings {
     /// Of every random choice.
     pub seed: u64,
     /// Begin with priorities, as long as they promise something; otherwise with repair at once.
@@ -65,7 +67,7 @@ pub struct Settings {
     pub most_rounds: usize,
 }
 
-impl Default for Settings {
+impl Default for SolverSettings {
     fn default() -> Self {
         Self { seed: 1, priorities_first: true, most_rounds: 100_000 }
     }
@@ -152,7 +154,7 @@ impl Solver {
     /// [`Unsolved::OutOfBudget`].
     pub fn solve(
         &self,
-        settings: &Settings,
+        settings: &SolverSettings,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Schedule, Unsolved> {
         Ok(self.begin(settings, keep_going)?.schedule())
@@ -164,7 +166,7 @@ impl Solver {
     /// [`Unsolved::OutOfBudget`].
     pub fn begin(
         &self,
-        settings: &Settings,
+        settings: &SolverSettings,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Solution<'_>, Unsolved> {
         let mut plans = Plans::new(&self.instance, settings.seed);

@@ -4,6 +4,7 @@ use crate::problem::{Level, error};
 use crate::protocol::Protocol;
 use serde_json::{Value, json};
 use xtb_control::Mode;
+use xtb_control::speed::STANDS_MPS;
 use xtb_protocol::messages::texts::for_robot;
 use xtb_protocol::messages::{BatteryLevel, Fault, Latch, RobotState, StopReason};
 
@@ -67,7 +68,7 @@ impl Operating {
 /// Whether the wheels turn, as far as is known.
 #[must_use]
 pub fn drives(state: &RobotState) -> bool {
-    state.speed_mps.is_some_and(|mps| mps.abs() > 0.01)
+    state.speed_mps.is_some_and(|mps| mps.abs() > STANDS_MPS)
 }
 
 /// Whether the robot knows where it is.

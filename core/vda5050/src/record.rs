@@ -32,7 +32,7 @@ pub struct Part {
 
 /// Everything of a robot that a restart needs.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Record {
+pub struct OrderRecord {
     /// The order that was accepted last.
     pub order: ActiveOrder,
     /// An order or update that fits and is not in the dispatcher's ledger yet.
@@ -50,10 +50,10 @@ pub struct Record {
 #[derive(Serialize, Deserialize)]
 struct Saved {
     v: u32,
-    record: Record,
+    record: OrderRecord,
 }
 
-impl Record {
+impl OrderRecord {
     /// As it is kept.
     #[must_use]
     pub fn to_json(&self) -> String {

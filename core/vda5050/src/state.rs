@@ -3,7 +3,7 @@
 use crate::header::Serial;
 use crate::incoming::{Edge, Node};
 use crate::operating::{self, Operating};
-use crate::record::Record;
+use crate::record::OrderRecord;
 use serde_json::{Value, json};
 use std::f64::consts::{PI, TAU};
 use xtb_protocol::messages::{MapState, RobotState, TaskState};
@@ -14,7 +14,7 @@ pub struct View<'a> {
     /// Whose.
     pub serial: &'a Serial,
     /// Its order.
-    pub record: &'a Record,
+    pub record: &'a OrderRecord,
     /// What it said last.
     pub robot: &'a RobotState,
     /// How the task of its order stands.
@@ -98,7 +98,7 @@ fn edge(edge: &Edge) -> Value {
 }
 
 /// Which task of the dispatcher drives the order, for people who look there.
-fn information(record: &Record, is_v3: bool) -> Value {
+fn information(record: &OrderRecord, is_v3: bool) -> Value {
     let Some(part) = &record.part else { return json!([]) };
     let text = format!("`fleet-cli task {}` shows the task of the order", part.task);
     json!([{

@@ -7,7 +7,7 @@ mod receiving;
 use crate::factsheet::Body;
 use crate::header::Serial;
 use crate::problem::Problem;
-use crate::record::Record;
+use crate::record::OrderRecord;
 use publishing::Published;
 use serde_json::Value;
 use std::collections::VecDeque;
@@ -117,8 +117,8 @@ struct Seen {
 #[derive(Debug, Clone)]
 pub struct Vehicle {
     serial: Serial,
-    record: Record,
-    saved: Option<Record>,
+    record: OrderRecord,
+    saved: Option<OrderRecord>,
     robot: Option<RobotState>,
     present: bool,
     body: Option<Body>,
@@ -143,7 +143,7 @@ pub struct Vehicle {
 impl Vehicle {
     /// A robot that goes on from what was kept of it.
     #[must_use]
-    pub fn new(serial: Serial, record: Record) -> Self {
+    pub fn new(serial: Serial, record: OrderRecord) -> Self {
         Self {
             serial,
             may_be_taken: record.pending.is_some(),
@@ -172,7 +172,7 @@ impl Vehicle {
 
     /// What a restart needs.
     #[must_use]
-    pub fn record(&self) -> &Record {
+    pub fn record(&self) -> &OrderRecord {
         &self.record
     }
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
-use xtb_client::scene::live::Shared;
+use xtb_client::scene::live::SharedScene;
 use xtb_client::{Client, Error, ErrorKind, Result, rights};
 use xtb_identity::Action;
 use xtb_protocol::Name;
@@ -21,7 +21,7 @@ const LOOK_AGAIN: Duration = Duration::from_secs(1);
 #[derive(Clone)]
 pub struct Shown {
     /// The fleet.
-    pub scene: Arc<Shared>,
+    pub scene: Arc<SharedScene>,
     /// Who commands; `None` = playing a recording.
     pub commands: Option<Client>,
     /// What plays the recording, if one is played.

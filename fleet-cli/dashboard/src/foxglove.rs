@@ -13,8 +13,8 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use tokio::task::JoinHandle;
 use xtb_client::messages::AnyMessage;
-use xtb_client::scene::live::Shared;
-use xtb_client::scene::{Scene, SceneEvent, What};
+use xtb_client::scene::live::SharedScene;
+use xtb_client::scene::{Scene, SceneChange, SceneEvent};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
@@ -57,7 +57,7 @@ impl Drop for Handle {
 ///
 /// # Errors
 /// [`ErrorKind::Invalid`]: not a loopback address; [`ErrorKind::PortTaken`]: the port is.
-pub async fn serve(shared: Arc<Shared>, listen: SocketAddr) -> Result<Handle> {
+pub async fn serve(shared: Arc<SharedScene>, listen: SocketAddr) -> Result<Handle> {
     if !listen.ip().is_loopback() {
         let message = format!("Foxglove's protocol has no access token: it cannot be served at {listen}");
         return Err(Error::new(ErrorKind::Invalid, message).hint(
@@ -104,7 +104,7 @@ fn now_ns() -> u64 {
 /// What was shown so far.
 struct Stage {
     context: Arc<Context>,
-    shared: Arc<Shared>,
+    shared: Arc<SharedScene>,
     keys: FleetKeys,
     painter: Painter,
     scene: Arc<RawChannel>,
@@ -119,7 +119,7 @@ struct Stage {
 }
 
 impl Stage {
-    fn new(context: &Arc<Context>, shared: Arc<Shared>) -> Result<Self> {
+    fn new(context: &Arc<Context>, shared: Arc<SharedScene>) -> Result<Self> {
         let keys = FleetKeys::new(shared.lock().fleet().clone());
         Ok(Self {
             context: Arc::clone(context),
@@ -209,15 +209,15 @@ impl Stage {
         let fleet = scene.fleet().clone();
         let new = scene.happenings().iter().filter(|it| it.number > self.happened);
         let lines = new.map(|SceneEvent { what, .. }| match what {
-            What::Robot(event) => {
+            SceneChange::Robot(event) => {
                 let robot = Some(event.robot.clone());
                 (Key { fleet: fleet.clone(), robot, channel: Channel::Event }, event.clone().into())
             }
-            What::Task(event) => (
+            SceneChange::Task(event) => (
                 Key { fleet: fleet.clone(), robot: None, channel: Channel::DispatchEvent },
                 event.clone().into(),
             ),
-            What::Presence { robot, key, there } => {
+            SceneChange::Presence { robot, key, there } => {
                 let channel = Key::parse(key).map_or(Channel::Alive, |key| key.channel);
                 (Key { fleet: fleet.clone(), robot: robot.clone(), channel }, AnyMessage::Alive(*there))
             }

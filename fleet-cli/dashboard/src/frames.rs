@@ -7,7 +7,7 @@
 use super::hello::Hello;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use xtb_client::scene::{AtMs, Body, Robot, Scene, SceneEvent};
+use xtb_client::scene::{AtMs, CarBody, Scene, SceneEvent, SceneRobot};
 use xtb_client::text::robot as describe;
 use xtb_control::Mode;
 use xtb_nav::MapPose;
@@ -96,7 +96,7 @@ struct Row {
     pose: Option<Pose>,
     /// `None` = the page has it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    body: Option<Body>,
+    body: Option<CarBody>,
     /// The roster's start pose; `None` = there is none, or the page has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     start: Option<MapPose>,
@@ -187,7 +187,7 @@ struct KnownRobot {
     trail_count: Option<u64>,
     paths: u64,
     path: Option<Track>,
-    body: Option<Body>,
+    body: Option<CarBody>,
     start: Option<MapPose>,
 }
 
@@ -295,7 +295,7 @@ impl Known {
 }
 
 impl KnownRobot {
-    fn row(&mut self, name: &Name, robot: &Robot, now_ms: AtMs, task: Option<TaskId>) -> Row {
+    fn row(&mut self, name: &Name, robot: &SceneRobot, now_ms: AtMs, task: Option<TaskId>) -> Row {
         let fresh = robot.state.as_ref().and_then(|seen| seen.fresh(now_ms));
         let (trail, trail_reset) = self.trail(robot);
         let row = Row {
@@ -344,18 +344,18 @@ impl KnownRobot {
         }
     }
 
-    fn start(&mut self, robot: &Robot) -> Option<MapPose> {
+    fn start(&mut self, robot: &SceneRobot) -> Option<MapPose> {
         let start = robot.roster.as_ref().and_then(|entry| entry.start_pose);
         start.filter(|_| std::mem::replace(&mut self.start, start) != start)
     }
 
-    fn body(&mut self, robot: &Robot) -> Option<Body> {
+    fn body(&mut self, robot: &SceneRobot) -> Option<CarBody> {
         let new = self.body.as_ref() != Some(&robot.body);
         new.then(|| self.body.insert(robot.body.clone()).clone())
     }
 
     /// Points that the page lacks, and whether it has to drop those that it has.
-    fn trail(&mut self, robot: &Robot) -> (Vec<[f64; 2]>, bool) {
+    fn trail(&mut self, robot: &SceneRobot) -> (Vec<[f64; 2]>, bool) {
         let has = self.trail_count.replace(robot.trail_count);
         let new = has.and_then(|has| robot.trail_count.checked_sub(has));
         let new = new.and_then(|new| usize::try_from(new).ok()).filter(|new| *new <= robot.trail.len());
@@ -399,7 +399,7 @@ impl Pose {
 }
 
 impl Detail {
-    fn of(name: &Name, robot: &Robot, now_ms: AtMs) -> Self {
+    fn of(name: &Name, robot: &SceneRobot, now_ms: AtMs) -> Self {
         let fresh = robot.state.as_ref().and_then(|seen| seen.fresh(now_ms));
         Self {
             robot: name.clone(),

@@ -36,5 +36,5 @@ mod tls;
 pub use app::Shown;
 pub use playback::{Playback, PlaybackPosition};
 pub use security::Origin;
-pub use server::{Running, Settings};
+pub use server::{Running, ServerSettings};
 pub use tls::Secure;

@@ -16,8 +16,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::{SystemTime, UNIX_EPOCH};
 use xtb_client::dispatcher_client::fleet_stop;
-use xtb_client::scene::live::Shared;
-use xtb_client::scene::{AtMs, Robot, Scene};
+use xtb_client::scene::live::SharedScene;
+use xtb_client::scene::{AtMs, Scene, SceneRobot};
 use xtb_client::text::reasons;
 use xtb_protocol::Name;
 use xtb_protocol::messages::RobotState;
@@ -91,7 +91,7 @@ pub(super) struct Metrics {
 
 impl Metrics {
     /// All zero; what is known of the fleet comes from `scene`.
-    pub(super) fn new(scene: Arc<Shared>) -> Self {
+    pub(super) fn new(scene: Arc<SharedScene>) -> Self {
         let mut registry = Registry::with_prefix("xtb");
         let own = registry.sub_registry_with_prefix("dashboard");
         let metrics = Self {
@@ -149,7 +149,7 @@ impl Metrics {
 /// The fleet, read anew for each scrape.
 #[derive(Debug)]
 struct Fleet {
-    scene: Arc<Shared>,
+    scene: Arc<SharedScene>,
 }
 
 impl Collector for Fleet {
@@ -208,7 +208,8 @@ impl Sheet<'_, '_> {
 }
 
 fn fresh(scene: &Scene, now_ms: AtMs) -> impl Iterator<Item = (&Name, &RobotState)> {
-    let state = move |robot: &'_ Robot| robot.state.as_ref().is_some_and(|seen| seen.fresh(now_ms).is_some());
+    let state =
+        move |robot: &'_ SceneRobot| robot.state.as_ref().is_some_and(|seen| seen.fresh(now_ms).is_some());
     let robots = scene.robots().iter().filter(move |(_, robot)| state(robot));
     robots.filter_map(|(name, robot)| Some((name, &robot.state.as_ref()?.value)))
 }
@@ -298,13 +299,13 @@ mod tests {
     use xtb_protocol::keys::Key;
     use xtb_protocol::messages::Latch;
 
-    fn put(shared: &Shared, at_ms: AtMs, key: &str, news: impl Into<AnyMessage>) {
+    fn put(shared: &SharedScene, at_ms: AtMs, key: &str, news: impl Into<AnyMessage>) {
         shared.lock().take(at_ms, &Key::parse(key).unwrap(), news.into());
     }
 
     #[test]
     fn the_fleet_and_the_counters_stand_in_the_text_with_their_units() {
-        let shared = Arc::new(Shared::new(Scene::new(name("lab"))));
+        let shared = Arc::new(SharedScene::new(Scene::new(name("lab"))));
         let mut state = fake::state("xtb-1");
         state.latches = vec![fake::latch(Latch::Estop, "cli-1", false)];
         state.turns_late = 3;
@@ -339,7 +340,7 @@ mod tests {
 
     #[test]
     fn what_a_silent_robot_was_like_is_left_out() {
-        let shared = Arc::new(Shared::new(Scene::new(name("lab"))));
+        let shared = Arc::new(SharedScene::new(Scene::new(name("lab"))));
         put(&shared, 0, "xtb/lab/xtb-1/state", fake::state("xtb-1"));
         let scene = shared.lock().clone();
         assert_eq!(fresh(&scene, 400).count(), 1);

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 use tokio::sync::watch;
 use xtb_identity::certificate::Certificate;
-use xtb_identity::{CommonName, Entry, Registry, Role, token_digest};
+use xtb_identity::{CommonName, Registry, RegistryEntry, Role, token_digest};
 use xtb_protocol::{Name, Uuid};
 
 /// A cookie that nobody has used for so long stands for nobody any more.
@@ -192,7 +192,7 @@ impl People {
 }
 
 /// Robots and services do not sign in, and nobody when the certificate has ended: a token lives no longer.
-fn people(registry: &Registry) -> impl Iterator<Item = &Entry> {
+fn people(registry: &Registry) -> impl Iterator<Item = &RegistryEntry> {
     let now = SystemTime::now();
     registry.admitted().filter(move |entry| entry.role.is_person() && now <= entry.expires)
 }

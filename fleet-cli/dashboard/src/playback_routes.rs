@@ -49,11 +49,11 @@ fn answer(app: &App) -> Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Playback, PlaybackPosition, Running, Settings, Shown};
+    use crate::{Playback, PlaybackPosition, Running, ServerSettings, Shown};
     use std::sync::Mutex;
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     use xtb_client::scene::Scene;
-    use xtb_client::scene::live::Shared;
+    use xtb_client::scene::live::SharedScene;
     use xtb_protocol::Name;
 
     struct Tape(Mutex<PlaybackPosition>);
@@ -73,7 +73,7 @@ mod tests {
     }
 
     async fn serve(playback: Option<Arc<dyn Playback>>) -> Running {
-        let settings = Settings {
+        let settings = ServerSettings {
             listen: "127.0.0.1:0".parse().unwrap(),
             secure: None,
             token: None,
@@ -83,7 +83,7 @@ mod tests {
             proxies: Vec::new(),
             hz: 1.0,
         };
-        let scene = Arc::new(Shared::played(Scene::new(Name::new("lab").unwrap())));
+        let scene = Arc::new(SharedScene::played(Scene::new(Name::new("lab").unwrap())));
         Running::start(settings, Shown { scene, commands: None, playback }).await.unwrap()
     }
 

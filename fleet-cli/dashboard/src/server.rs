@@ -46,7 +46,7 @@ const ENDS_WITHIN: Duration = Duration::from_millis(1500);
 
 /// How it is served.
 #[derive(Debug, Clone)]
-pub struct Settings {
+pub struct ServerSettings {
     /// Where; port 0 takes a free one.
     pub listen: SocketAddr,
     /// Over TLS, where people sign in. `None` = plain HTTP.
@@ -65,7 +65,7 @@ pub struct Settings {
     pub hz: f64,
 }
 
-impl Settings {
+impl ServerSettings {
     /// Whether it may be served so: to be asked before anything else is begun.
     ///
     /// # Errors
@@ -111,10 +111,10 @@ impl Running {
     ///
     /// # Errors
     /// [`ErrorKind::Invalid`]: another address than loopback without a token; [`ErrorKind::PortTaken`].
-    pub async fn start(settings: Settings, shown: Shown) -> Result<Self> {
+    pub async fn start(settings: ServerSettings, shown: Shown) -> Result<Self> {
         let cookie = Uuid::new_v4().simple().to_string();
         let (access, acceptor) = settings.access(cookie)?;
-        let Settings { listen, secure, token, read_only, allow_origins, proxies, hz, .. } = settings;
+        let ServerSettings { listen, secure, token, read_only, allow_origins, proxies, hz, .. } = settings;
         let listener = bind(listen).map_err(|error| taken(listen, &error))?;
         let address = listener.local_addr()?;
         let url = url(address, &access, token.as_deref());

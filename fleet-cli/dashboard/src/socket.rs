@@ -37,23 +37,23 @@ pub(super) async fn serve(app: Arc<App>, socket: WebSocket, visitor: Visitor) {
     let (sink, stream) = socket.split();
     let session = Arc::<Mutex<Session>>::default();
     let (answers, queue) = mpsc::channel(ANSWERS);
-    let desk = CommandSession::new(Arc::clone(&app), &name, visitor.clone(), answers);
+    let commands = CommandSession::new(Arc::clone(&app), &name, visitor.clone(), answers);
     let writer = Writer { app: Arc::clone(&app), sink, session: Arc::clone(&session), answers: queue };
     let mut writer = tokio::spawn(writer.run(app.hello(name, &visitor)));
     tokio::select! {
         _ = &mut writer => {}
-        () = read(&app, stream, &session, desk) => {}
+        () = read(&app, stream, &session, commands) => {}
         () = app.left(&visitor) => {}
     }
     writer.abort();
 }
 
-/// Hears the page until it is gone; the wheel is let go with the desk.
+/// Hears the page until it is gone; the wheel is let go with its command session.
 async fn read(
     app: &App,
     mut stream: SplitStream<WebSocket>,
     session: &Mutex<Session>,
-    mut desk: CommandSession,
+    mut commands: CommandSession,
 ) {
     let mut heard_at = Instant::now();
     loop {
@@ -61,13 +61,13 @@ async fn read(
             message = tokio::time::timeout_at(heard_at + SILENT, stream.next()) => {
                 heard_at = Instant::now();
                 match message {
-                    Ok(Some(Ok(Message::Text(text)))) => hear(app, session, &mut desk, text.as_str()),
+                    Ok(Some(Ok(Message::Text(text)))) => hear(app, session, &mut commands, text.as_str()),
                     // Bytes that make no message are no word either.
                     Ok(Some(Ok(Message::Close(_)) | Err(_)) | None) | Err(_) => return,
                     Ok(Some(Ok(_))) => Ok(()),
                 }
             }
-            done = desk.next() => desk.ended(done),
+            done = commands.next() => commands.ended(done),
         };
         if heard.is_err() {
             return;
@@ -78,7 +78,7 @@ async fn read(
 fn hear(
     app: &App,
     session: &Mutex<Session>,
-    desk: &mut CommandSession,
+    commands: &mut CommandSession,
     text: &str,
 ) -> Result<(), super::command_session::Gone> {
     match serde_json::from_str(text) {
@@ -86,9 +86,9 @@ fn hear(
         Ok(FromPage::Watch(robot)) => lock(session).watch(robot),
         Ok(FromPage::Setpoint(hand)) => {
             let picture_ms = lock(session).picture_ms(hand.seen, app.clock_ms());
-            desk.hand(hand, picture_ms);
+            commands.hand(hand, picture_ms);
         }
-        Ok(FromPage::Do(order)) => return desk.order(order),
+        Ok(FromPage::Do(order)) => return commands.order(order),
         Err(error) => {
             app.metrics.malformed.inc();
             tracing::debug!("from a page: {error}");

@@ -10,7 +10,7 @@ use tokio::time::MissedTickBehavior;
 use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_client::state_feed::StateFeed;
-use xtb_client::teleop::{CAUTIOUS_RPM, Drive, TeleopSession, lost};
+use xtb_client::teleop::{CAUTIOUS_RPM, StickPosition, TeleopSession, lost};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 
@@ -75,7 +75,7 @@ impl PageSession {
                     let steered = *hands.borrow_and_update();
                     let drive = steered.and_then(|(hand, age_ms)| dead_man.hand(ms(&client), hand, age_ms));
                     let Some((throttle, steering)) = drive else { continue };
-                    if let Err(failure) = wheel.send(Drive { throttle, steering }, &feed).await {
+                    if let Err(failure) = wheel.send(StickPosition { throttle, steering }, &feed).await {
                         break Some(failure);
                     }
                 }

@@ -17,7 +17,7 @@ use serde::Serialize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use xtb_client::Result;
-use xtb_dispatch::alerts::Change;
+use xtb_dispatch::alerts::AlertChange;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Alert, AlertState};
 
@@ -81,7 +81,7 @@ struct Body<'a> {
     alert: &'a Alert,
 }
 
-fn body(fleet: &Name, Change { step, alert }: &Change) -> String {
+fn body(fleet: &Name, AlertChange { step, alert }: &AlertChange) -> String {
     let body = Body { fleet, event: step.as_str(), state: alert.state(), alert };
     // Names, numbers and texts: there is nothing that JSON could not hold.
     serde_json::to_string(&body).unwrap_or_default()
@@ -124,7 +124,7 @@ impl Outlets {
     }
 
     /// Hands a change to each. Never waits.
-    pub fn tell(&self, change: &Change) {
+    pub fn tell(&self, change: &AlertChange) {
         if self.command.is_none() && self.webhook.is_none() {
             return;
         }

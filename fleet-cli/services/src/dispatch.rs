@@ -31,11 +31,11 @@ use store::Store;
 use tokio::sync::{oneshot, watch};
 use tokio::task::JoinHandle;
 use usage::Usage;
-use xtb_bus::{Bus, Token};
+use xtb_bus::{Bus, PresenceToken};
 use xtb_client::client::Client;
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, HomeRules, Settings};
+use xtb_dispatch::dispatcher::DispatcherIdentity;
+use xtb_dispatch::{Dispatcher, DispatcherSettings, HomeRules};
 use xtb_nav::Map;
 use xtb_protocol::messages::{DispatchStatus, Suspension, SuspensionCause, TaskList};
 use xtb_protocol::{Name, Uuid};
@@ -47,7 +47,7 @@ const GONE_WITHIN: Duration = Duration::from_secs(3);
 
 /// What it has done and refused, for everybody to see.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
-pub struct Counters {
+pub struct DispatcherCounters {
     /// Questions that were read.
     pub questions: u64,
     /// Questions that could not be read.
@@ -69,7 +69,7 @@ pub struct Counters {
     /// Those of them that found the queue full.
     pub standby_overloaded: u64,
     /// The ledger's own.
-    pub ledger: ledger::Counters,
+    pub ledger: ledger::LedgerCounters,
     /// Of alerts and history.
     pub observer: ObserverCounters,
 }
@@ -91,7 +91,7 @@ pub struct Standing {
     /// What is suspended.
     pub suspended: Vec<Suspension>,
     /// What it has done.
-    pub counters: Counters,
+    pub counters: DispatcherCounters,
     /// What the robots did since it began.
     pub usage: Usage,
 }
@@ -104,7 +104,7 @@ pub struct DispatchService {
 }
 
 impl Standing {
-    fn of(dispatcher: &Dispatcher, now_ms: u64, counters: Counters, usage: Usage) -> Self {
+    fn of(dispatcher: &Dispatcher, now_ms: u64, counters: DispatcherCounters, usage: Usage) -> Self {
         let (status, suspended) = (dispatcher.status(now_ms), dispatcher.suspensions());
         Self { status, suspended, counters, usage }
     }
@@ -152,7 +152,7 @@ impl DispatchService {
         let mut link = StandbyLink::open(client, now, &path, &dispatcher).await?;
         link.consult(now, &dispatcher).await?;
         let (stop, stopped) = oneshot::channel();
-        let none = Standing::of(&dispatcher, now.ms(), Counters::default(), Usage::default());
+        let none = Standing::of(&dispatcher, now.ms(), DispatcherCounters::default(), Usage::default());
         let (told, standing) = watch::channel(none);
         let observer = Observer::open(client, now, &path, observer).await?;
         let ledger = event_loop::Held { ledger: store.ledger, read, link };
@@ -199,7 +199,7 @@ impl Drop for DispatchService {
     }
 }
 
-async fn run(work: event_loop::Work, stopped: oneshot::Receiver<()>, token: Token) -> Result<()> {
+async fn run(work: event_loop::Work, stopped: oneshot::Receiver<()>, token: PresenceToken) -> Result<()> {
     let ended = work.run(stopped).await;
     drop(token);
     ended
@@ -208,12 +208,12 @@ async fn run(work: event_loop::Work, stopped: oneshot::Receiver<()>, token: Toke
 /// The list of tasks as anybody may ask for it.
 pub(super) type List = Arc<TaskList>;
 
-fn recover(now_ms: u64, path: &Path, entries: Vec<xtb_dispatch::Entry>) -> Result<Dispatcher> {
+fn recover(now_ms: u64, path: &Path, entries: Vec<xtb_dispatch::LedgerEntry>) -> Result<Dispatcher> {
     let random = Uuid::new_v4().as_u128();
     let me = Name::new(CLIENT).map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
     // Bits 64 to 79 of a random UUID hold its version; these do not.
-    let identity = Identity { me, ledger: (random >> 80) as u64, run: random as u64 };
-    Dispatcher::recover(now_ms, identity, Settings::default(), entries)
+    let identity = DispatcherIdentity { me, ledger: (random >> 80) as u64, run: random as u64 };
+    Dispatcher::recover(now_ms, identity, DispatcherSettings::default(), entries)
         .map_err(|error| store::unreadable(path, &error))
 }
 

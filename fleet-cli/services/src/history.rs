@@ -15,7 +15,7 @@ mod write;
 pub use read::local_day;
 
 use rusqlite::Connection;
-use samples::Sample;
+use samples::ActivitySample;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ use std::thread::JoinHandle;
 use thiserror::Error;
 use tokio::sync::oneshot;
 use xtb_client::text::event;
-use xtb_dispatch::alerts::Change;
+use xtb_dispatch::alerts::AlertChange;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Alert, Event, EventKind, HistoryKind, HistoryReply, HistoryRequest, TaskEvent};
 
@@ -41,14 +41,14 @@ const MAX_TEXT: usize = 1000;
 
 /// How much is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Bounds {
+pub struct Retention {
     /// Days.
     pub keep_days: u32,
     /// Size of the file, in MiB.
     pub max_mib: u32,
 }
 
-impl Default for Bounds {
+impl Default for Retention {
     fn default() -> Self {
         Self { keep_days: 90, max_mib: 256 }
     }
@@ -82,7 +82,7 @@ pub enum HistoryError {
 
 /// What was written and what was not.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct Counters {
+pub struct HistoryCounters {
     /// Rows written.
     pub written: u64,
     /// Writes that found the queue full.
@@ -103,7 +103,7 @@ struct Shared {
 
 /// An event as it is written.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Row {
+pub struct HistoryRow {
     at_ms: u64,
     robot: Option<Name>,
     kind: HistoryKind,
@@ -113,7 +113,7 @@ pub struct Row {
     once: Option<(u64, u64)>,
 }
 
-impl Row {
+impl HistoryRow {
     /// A robot's event.
     #[must_use]
     pub fn robot(at_ms: u64, event: &Event) -> Self {
@@ -152,8 +152,9 @@ impl Row {
 
     /// What has become of an alert.
     #[must_use]
-    pub fn alert(at_ms: u64, Change { step, alert }: &Change) -> Self {
-        let by = alert.acknowledged.as_ref().filter(|_| *step == xtb_dispatch::alerts::Step::Acknowledged);
+    pub fn alert(at_ms: u64, AlertChange { step, alert }: &AlertChange) -> Self {
+        let by =
+            alert.acknowledged.as_ref().filter(|_| *step == xtb_dispatch::alerts::AlertStep::Acknowledged);
         let by = by.map(|ack| format!(" by {}", ack.who())).unwrap_or_default();
         let text = format!("alert {} {}{by}: {}", alert.id, step.as_str(), alert.text);
         let robot = alert.robot.clone();
@@ -164,8 +165,8 @@ impl Row {
 /// What is to be written.
 #[derive(Debug)]
 enum Job {
-    Event(Row),
-    Samples { at_ms: u64, samples: Vec<(Name, Sample)> },
+    Event(HistoryRow),
+    Samples { at_ms: u64, samples: Vec<(Name, ActivitySample)> },
     Alert(Box<Alert>),
 }
 
@@ -194,7 +195,7 @@ impl History {
     ///
     /// # Errors
     /// See [`HistoryError`]. Nothing was changed.
-    pub fn open(path: &Path, bounds: Bounds) -> Result<(Self, Vec<Alert>), HistoryError> {
+    pub fn open(path: &Path, bounds: Retention) -> Result<(Self, Vec<Alert>), HistoryError> {
         let connection = schema::open(path)?;
         let reader = schema::open_to_read(path)?;
         let alerts = read::alerts(&connection).map_err(failed(path, "reading its alerts"))?;
@@ -210,12 +211,12 @@ impl History {
     }
 
     /// An event.
-    pub fn event(&self, row: Row) {
+    pub fn event(&self, row: HistoryRow) {
         self.write(Job::Event(row));
     }
 
     /// What robots did up to now, since the last time.
-    pub fn samples(&self, at_ms: u64, samples: Vec<(Name, Sample)>) {
+    pub fn samples(&self, at_ms: u64, samples: Vec<(Name, ActivitySample)>) {
         if !samples.is_empty() {
             self.write(Job::Samples { at_ms, samples });
         }
@@ -251,10 +252,10 @@ impl History {
 
     /// What was written and what was not.
     #[must_use]
-    pub fn counters(&self) -> Counters {
+    pub fn counters(&self) -> HistoryCounters {
         let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         let Shared { written, dropped, failed, overloaded } = &*self.shared;
-        Counters {
+        HistoryCounters {
             written: count(written),
             dropped: count(dropped),
             failed: count(failed),

@@ -20,10 +20,10 @@ mod tests;
 mod wal;
 mod writer;
 
-pub use copy::{History, Reader};
-pub use error::{Damage, Fault, LedgerError};
-pub use export::{Reading, StoredRow, backup, read};
-pub use writer::{Counters, QUEUE, Refused, Ticket, WriteError, Writer};
+pub use copy::{CopyStanding, LedgerReader};
+pub use error::{Damage, LedgerError, LedgerFault};
+pub use export::{LedgerReading, StoredRow, backup, read};
+pub use writer::{LedgerCounters, LedgerWriteError, LedgerWriter, PendingWrite, QUEUE, Refused};
 
 use holder::{Holder, beside};
 use rusqlite::config::DbConfig;
@@ -55,7 +55,7 @@ pub struct Ledger<R> {
 
 /// A record as it was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Row<R> {
+pub struct LedgerRow<R> {
     /// Its number.
     pub seq: u64,
     /// When it was written, by the wall clock, in ms since 1970.
@@ -72,7 +72,7 @@ pub struct Recovered<R> {
     /// It is new: there was none.
     pub created: bool,
     /// From the last snapshot on, which is the first if there is one; without a gap.
-    pub rows: Vec<Row<R>>,
+    pub rows: Vec<LedgerRow<R>>,
 }
 
 /// What is to be written, as JSON.
@@ -83,11 +83,11 @@ struct Body {
 }
 
 impl Body {
-    fn of(record: &impl Serialize, snapshot: bool) -> Result<Self, Fault> {
-        let text = serde_json::to_string(record).map_err(Fault::Encode)?;
+    fn of(record: &impl Serialize, snapshot: bool) -> Result<Self, LedgerFault> {
+        let text = serde_json::to_string(record).map_err(LedgerFault::Encode)?;
         let most = if snapshot { MAX_SNAPSHOT_BYTES } else { MAX_RECORD_BYTES };
         if text.len() > most {
-            return Err(Fault::TooLong { bytes: text.len(), most });
+            return Err(LedgerFault::TooLong { bytes: text.len(), most });
         }
         Ok(Self { text, snapshot })
     }
@@ -111,7 +111,8 @@ impl<R: Serialize + DeserializeOwned> Ledger<R> {
     /// Disk full, not writable, other errors of files; a record too long. None of the records counts as
     /// written then, and the ledger can be used further.
     pub fn append(&mut self, records: &[R]) -> Result<u64, LedgerError> {
-        let bodies: Result<Vec<Body>, Fault> = records.iter().map(|record| Body::of(record, false)).collect();
+        let bodies: Result<Vec<Body>, LedgerFault> =
+            records.iter().map(|record| Body::of(record, false)).collect();
         let written = bodies.and_then(|bodies| self.write(&bodies));
         written.map_err(|fault| fault.of(&self.path))
     }
@@ -125,7 +126,7 @@ impl<R: Serialize + DeserializeOwned> Ledger<R> {
         written.map_err(|fault| fault.of(&self.path))
     }
 
-    fn open_or_make(path: &Path, fleet: &str) -> Result<(Self, Recovered<R>), Fault> {
+    fn open_or_make(path: &Path, fleet: &str) -> Result<(Self, Recovered<R>), LedgerFault> {
         let (holder, mark) = Holder::take(path)?;
         Self::open_held(path, fleet, holder, mark)
     }
@@ -135,27 +136,27 @@ impl<R: Serialize + DeserializeOwned> Ledger<R> {
         fleet: &str,
         holder: Holder,
         mark: Option<u64>,
-    ) -> Result<(Self, Recovered<R>), Fault> {
+    ) -> Result<(Self, Recovered<R>), LedgerFault> {
         let created = match fs::metadata(path) {
-            Ok(file) if file.is_dir() => return Err(Fault::NotALedger { what: "a folder".into() }),
-            Ok(file) if file.len() == 0 => return Err(Fault::Empty),
+            Ok(file) if file.is_dir() => return Err(LedgerFault::NotALedger { what: "a folder".into() }),
+            Ok(file) if file.len() == 0 => return Err(LedgerFault::Empty),
             Ok(_) => false,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 make(path, fleet, mark)?;
                 true
             }
-            Err(error) => return Err(Fault::io("looking for it", error)),
+            Err(error) => return Err(LedgerFault::io("looking for it", error)),
         };
         wal::check(&beside(path, "-wal"))?;
         let connection = connect(path, fleet)?;
         let rows = whole(export::rows(&connection)?)?;
         let last_seq = rows.last().map_or(0, |row| row.seq);
         if let Some(acknowledged) = mark.filter(|mark| *mark > last_seq) {
-            return Err(Fault::Damaged(Damage::Lost { acknowledged, found: last_seq }));
+            return Err(LedgerFault::Damaged(Damage::Lost { acknowledged, found: last_seq }));
         }
         let rows = rows.into_iter().map(StoredRow::decode).collect::<Result<_, _>>()?;
-        holder.note_and_sync(last_seq).map_err(|error| Fault::io("writing the lock file", error))?;
-        keep_log(&connection, false).map_err(|error| Fault::sqlite("opening it", error))?;
+        holder.note_and_sync(last_seq).map_err(|error| LedgerFault::io("writing the lock file", error))?;
+        keep_log(&connection, false).map_err(|error| LedgerFault::sqlite("opening it", error))?;
         let (path, records) = (path.to_owned(), PhantomData);
         let mut ledger =
             Self { path, connection, holder, last_seq, tail_unsure: false, marks_missed: 0, records };
@@ -184,7 +185,7 @@ impl<R> Ledger<R> {
     }
 
     /// One transaction. A snapshot replaces all before it.
-    fn write(&mut self, bodies: &[Body]) -> Result<u64, Fault> {
+    fn write(&mut self, bodies: &[Body]) -> Result<u64, LedgerFault> {
         if bodies.is_empty() {
             return Ok(self.last_seq);
         }
@@ -196,7 +197,11 @@ impl<R> Ledger<R> {
             self.tail_unsure = true;
             let taken = error.sqlite_error_code() == Some(rusqlite::ErrorCode::ConstraintViolation);
             let seq = self.last_seq + 1;
-            return Err(if taken { Fault::Overtaken { seq } } else { Fault::sqlite("writing", error) });
+            return Err(if taken {
+                LedgerFault::Overtaken { seq }
+            } else {
+                LedgerFault::sqlite("writing", error)
+            });
         }
         self.last_seq = last;
         let noted = if bodies.iter().any(|body| body.snapshot) {
@@ -259,33 +264,33 @@ impl<R> Drop for Ledger<R> {
 }
 
 /// A new file, under another name until it is whole: a kill in between leaves no half ledger.
-fn make(path: &Path, fleet: &str, mark: Option<u64>) -> Result<(), Fault> {
+fn make(path: &Path, fleet: &str, mark: Option<u64>) -> Result<(), LedgerFault> {
     if let Some(acknowledged) = mark.filter(|mark| *mark > 0) {
-        return Err(Fault::Gone { acknowledged });
+        return Err(LedgerFault::Gone { acknowledged });
     }
     let log = beside(path, "-wal");
     if fs::metadata(&log).is_ok_and(|log| log.len() > 0) {
-        return Err(Fault::LogAlone { log });
+        return Err(LedgerFault::LogAlone { log });
     }
     let doing = "creating the file";
     let draft = beside(path, "-new");
     for end in ["", "-wal", "-shm", "-journal"] {
         match fs::remove_file(beside(&draft, end)) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(Fault::io(doing, error));
+                return Err(LedgerFault::io(doing, error));
             }
             _ => {}
         }
     }
-    let mut connection = Connection::open(&draft).map_err(|error| Fault::sqlite(doing, error))?;
+    let mut connection = Connection::open(&draft).map_err(|error| LedgerFault::sqlite(doing, error))?;
     schema::create(&mut connection, fleet)?;
-    connection.close().map_err(|(_, error)| Fault::sqlite(doing, error))?;
+    connection.close().map_err(|(_, error)| LedgerFault::sqlite(doing, error))?;
     let steps = || {
         File::open(&draft)?.sync_all()?;
         fs::rename(&draft, path)?;
         sync_folder(path)
     };
-    steps().map_err(|error| Fault::io(doing, error))
+    steps().map_err(|error| LedgerFault::io(doing, error))
 }
 
 /// Makes a file's name in its folder outlive a power cut.
@@ -295,31 +300,31 @@ pub(crate) fn sync_folder(path: &Path) -> std::io::Result<()> {
 }
 
 /// Opens what is there, if it is this fleet's and whole.
-fn connect(path: &Path, fleet: &str) -> Result<Connection, Fault> {
+fn connect(path: &Path, fleet: &str) -> Result<Connection, LedgerFault> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let doing = "opening it";
-    let fault = |error| Fault::sqlite(doing, error);
+    let fault = |error| LedgerFault::sqlite(doing, error);
     let mut connection = Connection::open_with_flags(path, flags).map_err(fault)?;
     keep_log(&connection, true).map_err(fault)?;
     schema::set_up(&connection).map_err(fault)?;
     let version = schema::version(&connection, schema::STEPS.len())?;
     if connection.is_readonly("main").map_err(fault)? {
-        return Err(Fault::ReadOnly { doing });
+        return Err(LedgerFault::ReadOnly { doing });
     }
     let found = schema::fleet(&connection)?;
     if found != fleet {
-        return Err(Fault::OtherFleet { found, expected: fleet.to_owned() });
+        return Err(LedgerFault::OtherFleet { found, expected: fleet.to_owned() });
     }
     let check = |row: &rusqlite::Row<'_>| row.get::<_, String>(0);
     let said = connection.query_row("PRAGMA quick_check(1)", [], check).map_err(fault)?;
     if said != "ok" {
-        return Err(Fault::Damaged(Damage::Structure(said)));
+        return Err(LedgerFault::Damaged(Damage::Structure(said)));
     }
     schema::migrate(&mut connection, version, &schema::STEPS)?;
     let mode: String =
         connection.pragma_update_and_check(None, "journal_mode", "WAL", |row| row.get(0)).map_err(fault)?;
     if mode != "wal" {
-        return Err(Fault::ReadOnly { doing: "enabling the log" });
+        return Err(LedgerFault::ReadOnly { doing: "enabling the log" });
     }
     Ok(connection)
 }
@@ -331,11 +336,11 @@ fn keep_log(connection: &Connection, keep: bool) -> rusqlite::Result<()> {
 }
 
 /// Every row intact and none missing.
-fn whole(rows: Vec<StoredRow>) -> Result<Vec<StoredRow>, Fault> {
+fn whole(rows: Vec<StoredRow>) -> Result<Vec<StoredRow>, LedgerFault> {
     let mut damage = Vec::new();
     export::gaps(&rows, &mut damage);
     match damage.into_iter().next() {
-        Some(damage) => Err(Fault::Damaged(damage)),
+        Some(damage) => Err(LedgerFault::Damaged(damage)),
         None => Ok(rows),
     }
 }

@@ -7,7 +7,7 @@ mod editor;
 mod history;
 
 pub use editor::MapStore;
-pub use history::{History, HistoryError};
+pub use history::{MapVersions, MapVersionsError};
 
 use crate::dispatch::store::wall_ms;
 use editor::{Editor, Found};
@@ -37,7 +37,7 @@ pub struct KeptMap {
     /// The map's file.
     pub store: Box<dyn MapStore>,
     /// The versions of before.
-    pub history: History,
+    pub history: MapVersions,
 }
 
 /// Serves a map to a fleet until it is dropped.
@@ -83,7 +83,7 @@ impl MapService {
         }
         let (store, history) = match kept {
             Some(KeptMap { store, history }) => (Some(store), history),
-            None => (None, History::default()),
+            None => (None, MapVersions::default()),
         };
         let editor = Editor::new(wall_ms(), map.clone(), history, store);
         let (maps_sender, maps) = watch::channel(Arc::clone(editor.map()));

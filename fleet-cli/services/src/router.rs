@@ -8,14 +8,14 @@ mod quiet;
 mod status;
 mod visitors;
 
-pub use change::Change;
+pub use change::AdmissionChange;
 pub use files::ask_to_apply;
 pub use guarded::{GuardedRouter, News, open_leased_with_registry, open_with_registry, zenohd_config};
 pub use listen::check_listen;
 
 use std::net::TcpListener;
 use std::time::Duration;
-use xtb_bus::{Bus, LINK_LEASE, Opening, Role};
+use xtb_bus::{Bus, LINK_LEASE, Opening, SessionRole};
 use xtb_client::{Error, ErrorKind, Result};
 
 /// Opens a router that routes together with those at `connect`, whether they are there yet or not; and says where
@@ -33,7 +33,7 @@ pub async fn open(listen: &str, connect: &[String]) -> Result<(Bus, String)> {
 /// As [`open`].
 pub async fn open_leased(listen: &str, connect: &[String], link_lease: Duration) -> Result<(Bus, String)> {
     check_port(listen)?;
-    let role = Role::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
+    let role = SessionRole::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
     let bus = Opening::of(role).link_lease(link_lease).once().await?;
     let locators = bus.locators().await;
     let endpoint = locators.into_iter().next().unwrap_or_else(|| listen.to_owned());

@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
-use xtb_bus::{Bus, Publisher, Token};
+use xtb_bus::{Bus, PresenceToken, Publisher};
 use xtb_client::cars::Cars;
 use xtb_client::client::Client;
 use xtb_client::state_feed::StateFeed;
@@ -22,7 +22,7 @@ use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{MapHash, RobotState, Route, TrafficState};
 use xtb_protocol::{Name, Uuid};
 use xtb_traffic::coordinator::{
-    Coordinator, GridRoom, Guide, JointJob, JointResult, MOST_JOBS, MOST_TRUCKS, Neighbours, RobotView,
+    Coordinator, GridRoom, Guide, JointJob, JointResult, MOST_JOBS, MOST_TRUCKS, Neighbours, ReportedRobot,
 };
 
 /// Robots are guided this often.
@@ -38,7 +38,7 @@ pub struct TrafficService {
     working: JoinHandle<()>,
     state: watch::Receiver<TrafficState>,
     stop: Arc<AtomicBool>,
-    _token: Token,
+    _token: PresenceToken,
 }
 
 impl TrafficService {
@@ -137,7 +137,7 @@ impl Work {
             while let Ok(result) = results.try_recv() {
                 self.coordinator.planned(now(), result);
             }
-            let views: Vec<RobotView> =
+            let views: Vec<ReportedRobot> =
                 feed.shared_states().values().filter_map(|seen| self.view(&seen.state, seen.age())).collect();
             for view in &views {
                 self.coordinator.robot(now(), view.clone());
@@ -155,17 +155,17 @@ impl Work {
     }
 
     /// A robot as the coordinator sees it; `None` = it has come a moment ago and will say what car it is.
-    fn view(&mut self, state: &RobotState, age: Duration) -> Option<RobotView> {
+    fn view(&mut self, state: &RobotState, age: Duration) -> Option<ReportedRobot> {
         let car = match self.cars.of(&state.robot, state.epoch) {
             Ok(car) => Some(car),
             Err(silent) if silent < CAR_WITHIN => return None,
             Err(_) => None,
         };
-        Some(RobotView::of(state, car, millis(age)))
+        Some(ReportedRobot::of(state, car, millis(age)))
     }
 
     /// Each robot is told how to go on.
-    async fn guide(&mut self, now: Stamp, views: &[RobotView]) {
+    async fn guide(&mut self, now: Stamp, views: &[ReportedRobot]) {
         self.seq += 1;
         let guides = self.coordinator.tick(now);
         let refused = self.coordinator.refused();

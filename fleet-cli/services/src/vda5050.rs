@@ -40,7 +40,7 @@ const ENDS_WITHIN: Duration = Duration::from_secs(3);
 
 /// What a bridge is told.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct BridgeOptions {
     /// Where the broker is.
     pub broker: Broker,
     /// Which version is spoken.
@@ -57,7 +57,7 @@ pub struct Options {
 
 /// What has happened so far.
 #[derive(Debug, Default)]
-pub struct Counters {
+pub struct BridgeCounters {
     /// Connections to the broker that were made.
     pub connected: AtomicU64,
     /// Messages that came in.
@@ -93,8 +93,8 @@ struct Shared {
     client: Client,
     feed: StateFeed,
     facts: Facts,
-    options: Options,
-    counters: Arc<Counters>,
+    options: BridgeOptions,
+    counters: Arc<BridgeCounters>,
     records: Records,
 }
 
@@ -102,7 +102,7 @@ struct Shared {
 pub struct Bridge {
     working: JoinHandle<()>,
     stop: watch::Sender<bool>,
-    counters: Arc<Counters>,
+    counters: Arc<BridgeCounters>,
     _events: Subscription,
 }
 
@@ -112,7 +112,7 @@ impl Bridge {
     /// # Errors
     /// [`ErrorKind::Config`]: the folder cannot be used; [`ErrorKind::Failed`]: another bridge uses it, or Zenoh would
     /// not.
-    pub async fn start(client: &Client, options: Options) -> Result<Self> {
+    pub async fn start(client: &Client, options: BridgeOptions) -> Result<Self> {
         let records = Records::open(&options.folder)?;
         let facts = Facts::default();
         let noted = Arc::clone(&facts);
@@ -122,7 +122,7 @@ impl Bridge {
         };
         let _events = client.bus().subscribe(&client.keys().dispatch_event(), each).await?;
         let feed = StateFeed::open(client, &client.keys().any_robot()).await?;
-        let counters = Arc::new(Counters::default());
+        let counters = Arc::new(BridgeCounters::default());
         let shared =
             Shared { client: client.clone(), feed, facts, options, counters: Arc::clone(&counters), records };
         let (stop, stopped) = watch::channel(false);
@@ -132,7 +132,7 @@ impl Bridge {
 
     /// What has happened so far.
     #[must_use]
-    pub fn counters(&self) -> &Counters {
+    pub fn counters(&self) -> &BridgeCounters {
         &self.counters
     }
 

@@ -9,12 +9,12 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, Settings};
+use xtb_dispatch::dispatcher::DispatcherIdentity;
+use xtb_dispatch::{Dispatcher, DispatcherSettings, Effect, LedgerEntry};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{TaskId, TaskState};
 use xtb_services::dispatch::store::Store;
-use xtb_services::ledger::{Fault, Ledger, Recovered, Writer, read};
+use xtb_services::ledger::{Ledger, LedgerFault, LedgerWriter, Recovered, read};
 
 const LEDGER: &str = "XTB_TEST_LEDGER";
 /// How often to kill; 50 unless this variable says more.
@@ -53,7 +53,7 @@ fn writes_until_it_is_killed() {
     let mut number = ledger.last_seq();
     let mut out = std::io::stdout();
     writeln!(out, "\nopened {number}").unwrap();
-    let writer = Writer::start(ledger, 64).unwrap();
+    let writer = LedgerWriter::start(ledger, 64).unwrap();
     let mut waiting = VecDeque::new();
     loop {
         number += 1;
@@ -179,7 +179,7 @@ fn a_disk_that_is_really_full_loses_nothing() {
             break error;
         }
     };
-    assert!(matches!(error.fault, Fault::Full { .. }), "{error}");
+    assert!(matches!(error.fault, LedgerFault::Full { .. }), "{error}");
     let written = ledger.last_seq();
     assert!(written > 10);
     assert_eq!(read(&path).unwrap().rows.len() as u64, written);
@@ -227,7 +227,7 @@ fn the_ledger_of_a_dispatcher_of_schema_1_is_opened_and_gone_on_with() {
     assert_eq!(self::dispatcher(now_ms, again.entries).store(), dispatcher.store());
 }
 
-fn dispatcher(now_ms: u64, entries: Vec<Entry>) -> Dispatcher {
-    let identity = Identity { me: Name::new("dispatch").unwrap(), ledger: 1, run: 1 };
-    Dispatcher::recover(now_ms, identity, Settings::default(), entries).unwrap()
+fn dispatcher(now_ms: u64, entries: Vec<LedgerEntry>) -> Dispatcher {
+    let identity = DispatcherIdentity { me: Name::new("dispatch").unwrap(), ledger: 1, run: 1 };
+    Dispatcher::recover(now_ms, identity, DispatcherSettings::default(), entries).unwrap()
 }

@@ -3,7 +3,7 @@
 use robot_agent::clock::Clock;
 use robot_agent::config::{AgentConfig, Ros2};
 use robot_agent::hardware::simulated::SimulatedHardware;
-use robot_agent::{AgentError, Host, Shared};
+use robot_agent::{AgentError, Host, SharedResources};
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::watch;
@@ -25,7 +25,7 @@ pub(super) struct AgentSettings {
     pub(super) ros2: Option<u32>,
     pub(super) world_speed: f64,
     pub(super) link_lease: Duration,
-    pub(super) shared: Shared,
+    pub(super) shared: SharedResources,
 }
 
 /// How far an agent has come.

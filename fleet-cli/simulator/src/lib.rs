@@ -17,14 +17,14 @@ mod truth;
 
 pub use agents::RunningAgent;
 pub use boards::BoardFirmware;
-pub use plan::{MAX_ROBOTS, Plan};
-pub use stats::Told;
+pub use plan::{MAX_ROBOTS, SimulationPlan};
+pub use stats::LatestStats;
 pub use truth::TruthView;
 
 use agents::{AgentSettings, Life};
 use boards::Boards;
 use plan::Session;
-use robot_agent::Shared;
+use robot_agent::SharedResources;
 use robot_agent::clock::WorldTime;
 use robot_agent::hardware::simulated::{RunningWorld, SimulatedHardware, TruckLines};
 use stats::StatsService;
@@ -44,7 +44,7 @@ use xtb_protocol::keys::{FleetKeys, Key};
 use xtb_protocol::messages::{Roster, RosterEntry};
 use xtb_services::map_server::MapService;
 use xtb_services::router::GuardedRouter;
-use xtb_sim::{CHART_RESOLUTION_M, ChartError, Simulation, TruckParameters, VehicleFile};
+use xtb_sim::{MAP_RESOLUTION_M, Simulation, ToMapError, TruckParameters, VehicleFile};
 
 /// Agents are alive within a second, hundreds one after the other on a busy machine: so long after the last
 /// one no more are expected.
@@ -100,7 +100,7 @@ impl Simulator {
     ///
     /// # Errors
     /// As [`Simulator::begin`] and [`Simulator::ready`].
-    pub async fn start(plan: Plan) -> Result<Self> {
+    pub async fn start(plan: SimulationPlan) -> Result<Self> {
         let simulator = Self::begin(plan).await?;
         simulator.ready().await?;
         Ok(simulator)
@@ -110,14 +110,14 @@ impl Simulator {
     ///
     /// # Errors
     /// An impossible plan or world, a port that is taken, a folder that cannot be used.
-    pub async fn begin(plan: Plan) -> Result<Self> {
+    pub async fn begin(plan: SimulationPlan) -> Result<Self> {
         plan.check()?;
         let mut files = plan.vehicles.clone();
         files.resize_with(plan.robots, VehicleFile::default);
         let (vehicles, kinds): (Vec<VehicleConfig>, Vec<TruckParameters>) =
             files.into_iter().map(|file| (file.vehicle, file.truth)).unzip();
         let world = plan.world(&kinds);
-        let world_map = world.chart(CHART_RESOLUTION_M);
+        let world_map = world.to_map(MAP_RESOLUTION_M);
         let mut simulation = plan.simulation(&kinds, world)?;
         let boards = Boards::switch_on(plan.board.as_ref(), &mut simulation, &kinds)?;
         let roster = roster_of(&simulation)?;
@@ -144,7 +144,7 @@ impl Simulator {
             ros2: plan.ros2,
             world_speed: plan.speed,
             link_lease: plan.link_lease(),
-            shared: Shared::among(cores, plan.robots.div_ceil(MOST_SESSIONS))?,
+            shared: SharedResources::among(cores, plan.robots.div_ceil(MOST_SESSIONS))?,
         };
         let agents = roster
             .robots
@@ -220,7 +220,7 @@ impl Simulator {
 
     /// How fast the world really runs.
     #[must_use]
-    pub fn stats(&self) -> watch::Receiver<Told> {
+    pub fn stats(&self) -> watch::Receiver<LatestStats> {
         self.stats.told()
     }
 
@@ -367,7 +367,7 @@ fn roster_of(simulation: &Simulation) -> Result<Roster> {
 
 type Lines = (Vec<TruckLines>, Vec<SimulatedHardware>, Option<ptys::PtyFolder>);
 
-fn lines(plan: &Plan, roster: &Roster) -> Result<Lines> {
+fn lines(plan: &SimulationPlan, roster: &Roster) -> Result<Lines> {
     if let Some(folder) = &plan.pty {
         let (folder, lines) = ptys::PtyFolder::create(folder, roster)?;
         return Ok((lines, Vec::new(), Some(folder)));
@@ -381,7 +381,7 @@ fn lines(plan: &Plan, roster: &Roster) -> Result<Lines> {
 async fn serve_map(
     bus: &Bus,
     keys: &FleetKeys,
-    map: &std::result::Result<Map, ChartError>,
+    map: &std::result::Result<Map, ToMapError>,
     shared: bool,
 ) -> Result<Option<MapService>> {
     let map = match map {

@@ -3,7 +3,7 @@
 use crate::boards::BoardFirmware;
 use std::path::PathBuf;
 use std::time::Duration;
-use xtb_bus::{Bus, Enrolled, LINK_LEASE, Opening, Role};
+use xtb_bus::{Bus, Enrolled, LINK_LEASE, Opening, SessionRole};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
@@ -21,7 +21,7 @@ const OWN_LINK_LEASE: Duration = Duration::from_secs(10);
 
 /// What to simulate.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub struct SimulationPlan {
     /// The fleet's name.
     pub fleet: Name,
     /// How many robots.
@@ -62,7 +62,7 @@ pub struct Plan {
     pub ros2: Option<u32>,
 }
 
-impl Plan {
+impl SimulationPlan {
     /// Whether that can be.
     pub(super) fn check(&self) -> Result<()> {
         if self.robots == 0 || self.robots > MAX_ROBOTS {
@@ -166,7 +166,7 @@ impl Plan {
     }
 
     async fn client(&self, connect: &[String]) -> Result<Bus> {
-        let role = Role::Client { connect: connect.to_vec() };
+        let role = SessionRole::Client { connect: connect.to_vec() };
         let tls = self.identity.as_ref().map(Enrolled::tls);
         Ok(Opening::of(role).link_lease(self.link_lease()).tls(tls).once().await?)
     }
@@ -195,10 +195,10 @@ fn on_this_computer(endpoint: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_sim::CHART_RESOLUTION_M;
+    use xtb_sim::MAP_RESOLUTION_M;
 
-    fn plan(first: usize, robots: usize, fleet_size: Option<usize>) -> Plan {
-        Plan {
+    fn plan(first: usize, robots: usize, fleet_size: Option<usize>) -> SimulationPlan {
+        SimulationPlan {
             fleet: Name::new("lab").unwrap(),
             robots,
             first,
@@ -222,10 +222,10 @@ mod tests {
     }
 
     /// Its map's hash, and which robot starts where.
-    fn made(plan: &Plan) -> (String, Vec<(String, f64, f64)>) {
+    fn made(plan: &SimulationPlan) -> (String, Vec<(String, f64, f64)>) {
         let kinds = vec![TruckParameters::default(); plan.robots];
         let world = plan.world(&kinds);
-        let hash = world.chart(CHART_RESOLUTION_M).unwrap().hash().to_string();
+        let hash = world.to_map(MAP_RESOLUTION_M).unwrap().hash().to_string();
         let simulation = plan.simulation(&kinds, world).unwrap();
         let start = |truck: &xtb_sim::Truck| (truck.name().to_owned(), truck.truth().x_m, truck.truth().y_m);
         (hash, simulation.trucks().iter().map(start).collect())
@@ -257,7 +257,7 @@ mod tests {
             let refused = plan(first, robots, fleet_size).check().unwrap_err();
             assert_eq!(refused.kind, ErrorKind::Invalid, "{first} {robots} {fleet_size:?}");
         }
-        let alone = Plan { connect: Vec::new(), ..plan(26, 15, None) };
+        let alone = SimulationPlan { connect: Vec::new(), ..plan(26, 15, None) };
         assert!(alone.check().unwrap_err().hint.contains("--connect"));
     }
 }

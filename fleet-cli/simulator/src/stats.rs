@@ -21,7 +21,7 @@ const PUBLISH_EVERY: u32 = 5;
 
 /// The latest of it, and whether the world is behind.
 #[derive(Debug, Clone, Copy)]
-pub struct Told {
+pub struct LatestStats {
     /// As it is published.
     pub stats: SimStats,
     /// The last change; `None` = it has always been in time.
@@ -30,7 +30,7 @@ pub struct Told {
 
 /// Measures until it is dropped.
 pub(super) struct StatsService {
-    told: watch::Receiver<Told>,
+    told: watch::Receiver<LatestStats>,
     measuring: JoinHandle<()>,
     _answering: Service,
 }
@@ -47,7 +47,7 @@ impl StatsService {
         speed: f64,
     ) -> Result<Self> {
         let stats = SimStats { t_s: world.now().s(), speed, real_time_factor: None };
-        let (tell, told) = watch::channel(Told { stats, pace: None });
+        let (tell, told) = watch::channel(LatestStats { stats, pace: None });
         let key = keys.sim_stats();
         let publisher = bus.publisher::<SimStats>(&key, &Channel::SimStats, Format::Json).await?;
         let answering = answer(bus, key, told.clone()).await?;
@@ -60,7 +60,7 @@ impl StatsService {
                 let now = world.now();
                 let change = meter.moment(began.elapsed(), now);
                 let stats = SimStats { t_s: now.s(), speed, real_time_factor: meter.factor() };
-                tell.send_modify(|told| *told = Told { stats, pace: change.or(told.pace) });
+                tell.send_modify(|told| *told = LatestStats { stats, pace: change.or(told.pace) });
                 if (look.is_multiple_of(PUBLISH_EVERY) || change.is_some())
                     && let Err(error) = publisher.put(&stats).await
                 {
@@ -72,7 +72,7 @@ impl StatsService {
     }
 
     /// Follows it.
-    pub(super) fn told(&self) -> watch::Receiver<Told> {
+    pub(super) fn told(&self) -> watch::Receiver<LatestStats> {
         self.told.clone()
     }
 }
@@ -83,7 +83,7 @@ impl Drop for StatsService {
     }
 }
 
-async fn answer(bus: &Bus, key: String, told: watch::Receiver<Told>) -> Result<Service> {
+async fn answer(bus: &Bus, key: String, told: watch::Receiver<LatestStats>) -> Result<Service> {
     let runtime = tokio::runtime::Handle::current();
     let own_key = key.clone();
     let service = bus.serve(&key, move |question| {

@@ -6,7 +6,7 @@ use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::json::{Verbs, line_of};
 use crate::output::{Output, Tone};
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use crate::terminal::Terminal;
 use clap::{Args, Subcommand};
 use schemars::JsonSchema;
@@ -131,11 +131,11 @@ fn screen(list: &FleetAlerts, args: &AlertsArgs, out: &Output) -> Vec<String> {
         let (state, tone) = standing(alert);
         let since = Duration::from_millis(list.at_ms.saturating_sub(alert.since_ms));
         table.row(vec![
-            Cell::new(alert.id.to_string(), Tone::Strong),
-            Cell::new(describe::age(since), Tone::Dim),
-            Cell::new(state, tone),
-            Cell::new(alert.text.as_str(), tone),
-            Cell::new(alert.remedy.as_str(), Tone::Plain),
+            TableCell::new(alert.id.to_string(), Tone::Strong),
+            TableCell::new(describe::age(since), Tone::Dim),
+            TableCell::new(state, tone),
+            TableCell::new(alert.text.as_str(), tone),
+            TableCell::new(alert.remedy.as_str(), Tone::Plain),
         ]);
     }
     let mut lines: Vec<String> = Vec::new();

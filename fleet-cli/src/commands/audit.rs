@@ -8,7 +8,7 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use crate::values::moment;
 use clap::Args;
 use command::Command;
@@ -110,11 +110,11 @@ fn show(out: Output, commands: &[Command]) -> Result<()> {
     for command in commands {
         let who = command.by.as_deref().unwrap_or("unknown");
         table.row(vec![
-            Cell::new(command.time(), Tone::Dim),
-            Cell::new(who, Tone::Strong),
-            Cell::new(command.robot.as_ref().map_or("-", Name::as_str), Tone::Plain),
-            Cell::new(command.text.as_str(), Tone::Plain),
-            Cell::new(command.result.as_deref().unwrap_or("-"), Tone::Plain),
+            TableCell::new(command.time(), Tone::Dim),
+            TableCell::new(who, Tone::Strong),
+            TableCell::new(command.robot.as_ref().map_or("-", Name::as_str), Tone::Plain),
+            TableCell::new(command.text.as_str(), Tone::Plain),
+            TableCell::new(command.result.as_deref().unwrap_or("-"), Tone::Plain),
         ]);
     }
     out.text(table.render(&out).trim_end())

@@ -20,7 +20,7 @@ use xtb_client::client::Client;
 use xtb_client::scene::live::{Live, Wanted};
 use xtb_client::subscription::Subscriptions;
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_dashboard::{Origin, Running, Secure, Settings, Shown};
+use xtb_dashboard::{Origin, Running, Secure, ServerSettings, Shown};
 use xtb_identity::Registry;
 
 const DASHBOARD_HELP: &str = "\
@@ -131,7 +131,7 @@ pub(super) const JSON: &[LineKind] = &[line_of::<Ready<'_>>];
 /// No router, a port that is taken, or an address that others can reach without TLS.
 pub async fn run(ctx: &Context, args: &DashboardArgs) -> Result<Exit> {
     let mut stop = pin!(interrupted());
-    let settings = Settings { secure: secure(ctx, args)?, ..settings(args) };
+    let settings = ServerSettings { secure: secure(ctx, args)?, ..settings(args) };
     settings.check()?;
     if settings.secure.is_none() && !args.listen.ip().is_loopback() {
         let text = "no TLS (--insecure): whoever reads along on this network gets the token, and can drive every robot";
@@ -182,8 +182,12 @@ async fn sensors_for_pages(client: &Client, live: &Live, running: &Running) {
 /// A port that is taken, or an address that needs a token.
 pub(crate) async fn played(ctx: &Context, playing: Arc<PlaybackWorker>, listen: SocketAddr) -> Result<Exit> {
     let stop = pin!(interrupted());
-    let settings =
-        Settings { token: None, read_only: true, hz: PLAYED_HZ, ..settings(&DashboardArgs::at(listen)) };
+    let settings = ServerSettings {
+        token: None,
+        read_only: true,
+        hz: PLAYED_HZ,
+        ..settings(&DashboardArgs::at(listen))
+    };
     let shown = Shown { scene: playing.scene(), commands: None, playback: Some(playing) };
     let running = Running::start(settings, shown).await?;
     ready(ctx, &running, true)?;
@@ -214,8 +218,8 @@ fn secure(ctx: &Context, args: &DashboardArgs) -> Result<Option<Secure>> {
     }
 }
 
-fn settings(args: &DashboardArgs) -> Settings {
-    Settings {
+fn settings(args: &DashboardArgs) -> ServerSettings {
+    ServerSettings {
         listen: args.listen,
         secure: None,
         token: args.token.clone().filter(|token| !token.is_empty()),

@@ -9,8 +9,8 @@ use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::json::{LineKind, line_of};
 use crate::output::Tone;
-use crate::table::{Cell, Table};
-use crate::tui::picture::{Picture, Scene};
+use crate::table::{Table, TableCell};
+use crate::tui::picture::{Picture, PictureTrails};
 use clap::Args;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -28,7 +28,7 @@ use xtb_protocol::{Name, Uuid};
 use xtb_services::dispatch::store::{Scratch, Store};
 use xtb_services::router::check_listen;
 use xtb_sim::fixes::FixTruth;
-use xtb_simulator::{Plan, Simulator};
+use xtb_simulator::{SimulationPlan, Simulator};
 
 /// Arguments of `demo`.
 #[derive(Debug, Clone, Args)]
@@ -99,7 +99,7 @@ pub async fn run(ctx: &Context, args: DemoArgs) -> Result<Exit> {
     if let Some(warning) = check_listen(&args.listen, args.insecure)? {
         ctx.out.note(&format!("warning: {warning}"));
     }
-    let plan = Plan {
+    let plan = SimulationPlan {
         fixes: FixTruth { rate_hz: 2.0, ..FixTruth::default() },
         fleet: ctx.settings.fleet.clone(),
         robots: args.robots,
@@ -157,7 +157,7 @@ async fn drive(ctx: &Context, args: &DemoArgs, simulator: &Simulator) -> Result<
     let own = ctx.with(|settings| settings.connect = vec![simulator.endpoint().to_owned()]);
     let client = Client::open(&own.settings).await?;
     let feed = Arc::new(StateFeed::open(&client, &client.keys().any_robot()).await?);
-    let mut scene = Scene::default();
+    let mut scene = PictureTrails::default();
     let mut tours = tokio::task::JoinSet::new();
     for (index, (robot, start)) in starts(simulator.roster()).enumerate() {
         let goals = lane_goals(args, index, &start);
@@ -293,9 +293,9 @@ fn report(ctx: &Context, summary: &Summary, legs: &[Leg]) -> String {
     for leg in legs {
         let tone = if leg.reached { Tone::Good } else { Tone::Bad };
         table.row(vec![
-            Cell::new(leg.robot.as_str(), Tone::Strong),
+            TableCell::new(leg.robot.as_str(), Tone::Strong),
             format!("({:.2}, {:.2})", leg.goal.0, leg.goal.1).into(),
-            Cell::new(leg.status.as_str(), tone),
+            TableCell::new(leg.status.as_str(), tone),
             format!("{:.1} s", leg.simulated_s).into(),
             leg.error_m.map_or_else(|| "unknown".to_owned(), |m| format!("{m:.2} m")).into(),
         ]);

@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 use xtb_bus::{Incoming, Subscription};
 use xtb_client::Result;
-use xtb_client::client::{Client, Seen};
+use xtb_client::client::{Client, LastState};
 use xtb_client::fleet_view::by_number;
 use xtb_client::state_feed::StateFeed;
 use xtb_client::{Action, ErrorKind};
@@ -236,7 +236,7 @@ async fn clock_rates(
     // Who is not heard by then is found to be silent.
     let _ = tokio::time::timeout(FIRST_STATE_WITHIN, all_heard).await;
     let first = feed.states();
-    let mark = |seen: &Seen| Mark::of(seen.at, &seen.state);
+    let mark = |seen: &LastState| Mark::of(seen.at, &seen.state);
     let mut rates = BTreeMap::new();
     for _ in 0..COMPARE_TIMES {
         tokio::time::sleep(COMPARE_FOR).await;
@@ -286,7 +286,7 @@ fn text(report: &Report, out: &Output) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use xtb_client::fake::{FakeDispatcher, FakeRobot, Told, name, task};
+    use xtb_client::fake::{FakeDispatcher, FakeDispatcherState, FakeRobot, name, task};
     use xtb_protocol::codec::Format;
     use xtb_protocol::keys::Channel;
     use xtb_protocol::messages::{DispatchOutcome, DispatchStatus, FixSource, Latch, TaskState};
@@ -337,11 +337,11 @@ mod tests {
         let (ledger_failed, map) = (None, None);
         let status =
             DispatchStatus { ledger: 1, ledger_failed, map, tasks: 7, open: 6, assigned: 0, robots: 1 };
-        let told = Told {
+        let told = FakeDispatcherState {
             answers: [Some(DispatchOutcome::Status(status))].into(),
             tasks: (1..=7).map(|number| task(number, TaskState::Queued)).collect(),
             page: Some(2),
-            ..Told::default()
+            ..FakeDispatcherState::default()
         };
         let _dispatcher = FakeDispatcher::start(&client, told).await;
         let facts = gather(&Context::of(&client), &client, &DoctorArgs { expect: Vec::new() }).await.unwrap();

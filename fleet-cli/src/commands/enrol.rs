@@ -4,7 +4,7 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use clap::Args;
-use robot_agent::enrol::{self, Done, Refusal};
+use robot_agent::enrol::{self, EnrolOutcome, EnrolRefusal};
 use std::path::PathBuf;
 use std::time::SystemTime;
 use xtb_client::{Error, ErrorKind, Result};
@@ -39,14 +39,14 @@ pub struct EnrolArgs {
 }
 
 /// What it prints with `--json`.
-pub(super) const JSON: &[LineKind] = &[line_of::<enrol::Report<'_>>];
+pub(super) const JSON: &[LineKind] = &[line_of::<enrol::EnrolReport<'_>>];
 
 /// Enrols this computer.
 ///
 /// # Errors
 /// A file that is no identity, a robot's, or has expired; a folder that has another one.
 pub fn run(ctx: &Context, args: &EnrolArgs) -> Result<Exit> {
-    let failed = |refusal: Refusal| {
+    let failed = |refusal: EnrolRefusal| {
         let kind = if refusal.is_of_the_file() { ErrorKind::Config } else { ErrorKind::Failed };
         Error::new(kind, refusal.to_string()).hint(refusal.hint())
     };
@@ -64,7 +64,7 @@ pub fn run(ctx: &Context, args: &EnrolArgs) -> Result<Exit> {
 }
 
 /// What it is for.
-fn next(done: &Done, args: &EnrolArgs) -> String {
+fn next(done: &EnrolOutcome, args: &EnrolArgs) -> String {
     let verb = match done.enrolled.identity.role {
         Role::Dispatcher => "dispatch serve",
         Role::Traffic => "traffic serve",

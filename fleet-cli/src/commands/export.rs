@@ -12,7 +12,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_recording::fleet::table::Table;
+use xtb_recording::fleet::table::MessageTable;
 use xtb_recording::fleet::{reader, schemas};
 
 /// Arguments of `export`.
@@ -42,7 +42,7 @@ struct Exported {
 
 struct Sheet {
     path: PathBuf,
-    table: Table,
+    table: MessageTable,
     file: BufWriter<File>,
     rows: u64,
 }
@@ -72,7 +72,8 @@ pub fn run(ctx: &Context, args: &ExportArgs) -> Result<Exit> {
         if !sheets.contains_key(&message.schema) {
             let name = message.schema.trim_start_matches("xtb.");
             let path = folder.join(format!("{name}.csv"));
-            let sheet = begin(&path, Table::of(schema), args.force).map_err(|it| cannot_write(&path, &it))?;
+            let sheet =
+                begin(&path, MessageTable::of(schema), args.force).map_err(|it| cannot_write(&path, &it))?;
             sheets.insert(message.schema.clone(), sheet);
         }
         if let Some(sheet) = sheets.get_mut(&message.schema) {
@@ -91,7 +92,7 @@ pub fn run(ctx: &Context, args: &ExportArgs) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-fn begin(path: &Path, table: Table, force: bool) -> io::Result<Sheet> {
+fn begin(path: &Path, table: MessageTable, force: bool) -> io::Result<Sheet> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder)?;
     }

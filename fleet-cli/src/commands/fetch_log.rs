@@ -8,7 +8,7 @@ use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use clap::Args;
 use fetch::{Fetch, Next};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -145,7 +145,7 @@ fn show(out: Output, listed: &Files<'_>) -> Result<()> {
     for file in listed.files {
         let age = describe::age(Duration::from_secs(file.age_s));
         let written = if file.open { "now".to_owned() } else { format!("{age} ago") };
-        let cell = |text: String| Cell::new(text, Tone::Plain);
+        let cell = |text: String| TableCell::new(text, Tone::Plain);
         table.row(vec![cell(file.file.clone()), cell(size(file.bytes)), cell(written)]);
     }
     out.text(&table.render(&out))

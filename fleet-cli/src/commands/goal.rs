@@ -10,17 +10,17 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::json::{LineKind, line_of};
-use crate::output::Progress;
+use crate::output::ProgressLine;
 use futures_util::FutureExt;
 use futures_util::future::Shared;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::pin::{Pin, pin};
 use std::time::{Duration, Instant};
-use xtb_client::goal::{Cancelled, GoalEnd, GoalStep, GoalTarget, GoalWatch, cancel, start, stop_hint};
+use xtb_client::goal::{Cancelled, GoalOutcome, GoalStep, GoalTarget, GoalWatch, cancel, start, stop_hint};
 use xtb_client::text::reasons;
 use xtb_client::text::robot as describe;
-use xtb_client::{Client, Control, Seen, StateFeed};
+use xtb_client::{Client, Control, LastState, StateFeed};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::messages::{GoalStatus, LinkLoss, RejectCode, RobotState, StopReason};
 use xtb_protocol::{Name, Uuid};
@@ -64,14 +64,20 @@ pub(super) async fn run(ctx: &Context, find: impl AsyncFnOnce(&Client) -> Result
         () = stop.clone() => return Err(Error::new(ErrorKind::Interrupted, "interrupted: no goal was sent")),
     };
     let exit = match &tasks[..] {
-        [task] => one(ctx, &client, task, stop, Progress::new()).await,
+        [task] => one(ctx, &client, task, stop, ProgressLine::new()).await,
         tasks => Ok(several::each(ctx, &client, tasks, &stop).await),
     };
     client.close().await;
     exit
 }
 
-async fn one(ctx: &Context, client: &Client, task: &Task, stop: Stop, progress: Progress) -> Result<Exit> {
+async fn one(
+    ctx: &Context,
+    client: &Client,
+    task: &Task,
+    stop: Stop,
+    progress: ProgressLine,
+) -> Result<Exit> {
     let mut stop = pin!(stop);
     let control = tokio::select! {
         control = take_control(ctx, client, &task.robot, task.take) => control?,
@@ -123,7 +129,7 @@ async fn drive(
     control: &Control,
     task: &Task,
     mut stop: Pin<&mut impl Future<Output = ()>>,
-    mut progress: Progress,
+    mut progress: ProgressLine,
 ) -> Result<Exit> {
     let mut watch = GoalWatch::open(client, control).await?;
     let (goal, request) = (watch.goal(), task.request());
@@ -161,7 +167,12 @@ async fn drive(
                 return Err(unheard(&watch, task));
             }
         };
-        progress.show(&line(task, seen.as_deref().and_then(Seen::fresh), watch.silent(), control.is_lost()));
+        progress.show(&line(
+            task,
+            seen.as_deref().and_then(LastState::fresh),
+            watch.silent(),
+            control.is_lost(),
+        ));
         if task.within.is_some_and(|within| watch.elapsed() > within) {
             let cancelled = cancel(control, goal).await;
             // If it has ended by itself just now, the next state says how.
@@ -169,7 +180,7 @@ async fn drive(
                 progress.end();
                 cancelled?;
                 let end =
-                    GoalEnd { status: GoalStatus::Cancelled, reason: Some("time limit reached".into()) };
+                    GoalOutcome { status: GoalStatus::Cancelled, reason: Some("time limit reached".into()) };
                 return report(ctx, control, task, &watch, end);
             }
         }
@@ -219,7 +230,7 @@ fn lost(control: &Control, feed: &StateFeed, task: &Task) -> Option<Error> {
     })
 }
 
-fn with_end(failure: Error, task: &Task, end: &GoalEnd) -> Error {
+fn with_end(failure: Error, task: &Task, end: &GoalOutcome) -> Error {
     let reason = end.reason.as_ref().map(|reason| format!(" ({reason})")).unwrap_or_default();
     let status = reasons::name(&end.status);
     Error { message: format!("{}; goal {} {status}{reason}", failure.message, task.target), ..failure }
@@ -246,7 +257,7 @@ fn report(
     control: &Control,
     task: &Task,
     watch: &GoalWatch<'_>,
-    end: GoalEnd,
+    end: GoalOutcome,
 ) -> Result<Exit> {
     let (robot, took) = (&task.robot, watch.elapsed());
     let report = Report {
@@ -284,7 +295,7 @@ fn report(
 
 /// Whether the robot stands because it did not hear this client any more.
 fn fell_silent(feed: &StateFeed, robot: &Name, goal: Uuid) -> bool {
-    feed.last(robot).is_some_and(|Seen { state, .. }| {
+    feed.last(robot).is_some_and(|LastState { state, .. }| {
         state.goal.as_ref().is_some_and(|present| present.id == goal)
             && state.stopped_because.contains(&StopReason::LeaseExpired)
     })
@@ -344,7 +355,7 @@ mod tests {
         let (task, ctx) = (task(), Context::of(&client));
         let control = Control::acquire(&client, &task.robot, false).await.unwrap();
         let stop = pin!(std::future::pending());
-        let waiting = drive(&ctx, &client, &control, &task, stop, Progress::new());
+        let waiting = drive(&ctx, &client, &control, &task, stop, ProgressLine::new());
         let taking = async {
             fake.until(|fake| fake.state.goal.is_some()).await;
             fake.lock().grant(&name("cli-123456"));
@@ -363,7 +374,7 @@ mod tests {
         let (task, ctx) = (task(), Context::of(&client));
         let control = Control::acquire(&client, &task.robot, false).await.unwrap();
         let stop = pin!(fake.until(|fake| fake.state.goal.is_some()));
-        let ended = drive(&ctx, &client, &control, &task, stop, Progress::new()).await;
+        let ended = drive(&ctx, &client, &control, &task, stop, ProgressLine::new()).await;
         assert_eq!(ended, Ok(Exit::Interrupted));
         let goal = fake.lock().state.goal.clone().unwrap();
         assert_eq!(goal.status, GoalStatus::Cancelled);
@@ -377,7 +388,7 @@ mod tests {
         let (task, ctx) = (task(), Context::of(&client));
         let control = Control::acquire(&client, &task.robot, false).await.unwrap();
         let stop = pin!(std::future::pending());
-        let waiting = drive(&ctx, &client, &control, &task, stop, Progress::new());
+        let waiting = drive(&ctx, &client, &control, &task, stop, ProgressLine::new());
         let gap = async {
             fake.until(|fake| fake.state.goal.is_some()).await;
             let mut fake = fake.lock();

@@ -10,7 +10,7 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone, terminal_columns};
-use crate::table::{Cell, Narrowing, Table};
+use crate::table::{Narrowing, Table, TableCell};
 use crate::text::task as task_text;
 use crate::text::width::{shortened, text_width};
 use clap::Args;
@@ -157,7 +157,7 @@ fn rows(view: &FleetView, problems: Problems) -> Table {
             cells.push(robot.tags.join(" ").into());
         }
         if placed {
-            cells.push(Cell::new(
+            cells.push(TableCell::new(
                 robot.start_pose.as_ref().map_or_else(String::new, describe::map_pose),
                 Tone::Dim,
             ));
@@ -167,15 +167,15 @@ fn rows(view: &FleetView, problems: Problems) -> Table {
     table
 }
 
-fn row(robot: &RobotView, problems: Problems) -> Vec<Cell> {
-    let name = Cell::new(robot.name.as_str(), Tone::Strong);
+fn row(robot: &RobotView, problems: Problems) -> Vec<TableCell> {
+    let name = TableCell::new(robot.name.as_str(), Tone::Strong);
     let age = robot.age_ms.map_or_else(|| UNKNOWN.to_owned(), age);
     match &robot.state {
-        _ if !robot.alive => vec![name, Cell::new("missing", Tone::Bad)],
+        _ if !robot.alive => vec![name, TableCell::new("missing", Tone::Bad)],
         None => {
             let mut cells = vec![name];
-            cells.resize(HEADINGS.len() - 1, Cell::new(UNKNOWN, Tone::Warning));
-            cells.push(Cell::new(age, Tone::Bad));
+            cells.resize(HEADINGS.len() - 1, TableCell::new(UNKNOWN, Tone::Warning));
+            cells.push(TableCell::new(age, Tone::Bad));
             cells
         }
         Some(state) => vec![
@@ -187,7 +187,7 @@ fn row(robot: &RobotView, problems: Problems) -> Vec<Cell> {
             battery(state),
             describe::lease_with_age(state).into(),
             state.goal.as_ref().map_or_else(|| "none".to_owned(), describe::goal).into(),
-            Cell::new(age, Tone::Dim),
+            TableCell::new(age, Tone::Dim),
         ],
     }
 }
@@ -197,7 +197,7 @@ fn age(ms: u64) -> String {
 }
 
 /// Latches and faults with their ages, or else since when it stands.
-fn stands(state: &RobotState, problems: Problems) -> Cell {
+fn stands(state: &RobotState, problems: Problems) -> TableCell {
     let all = latches_and_faults(state);
     let latched = !state.latches.is_empty();
     let stopped = match state.stopped_age_ms {
@@ -207,9 +207,9 @@ fn stands(state: &RobotState, problems: Problems) -> Cell {
     };
     match problems {
         _ if all.is_empty() => stopped.into(),
-        Problems::Below => Cell::new(if latched { "LATCHED" } else { "FAULT" }, Tone::Bad),
-        Problems::InRow if latched => Cell::new(all.join(", "), Tone::Bad),
-        Problems::InRow => Cell::new(format!("{stopped}, {}", all.join(", ")), Tone::Bad),
+        Problems::Below => TableCell::new(if latched { "LATCHED" } else { "FAULT" }, Tone::Bad),
+        Problems::InRow if latched => TableCell::new(all.join(", "), Tone::Bad),
+        Problems::InRow => TableCell::new(format!("{stopped}, {}", all.join(", ")), Tone::Bad),
     }
 }
 
@@ -245,9 +245,9 @@ fn below(items: &[String], most: usize) -> Vec<String> {
     lines.iter().map(|line| shortened(line, most)).collect()
 }
 
-fn battery(state: &RobotState) -> Cell {
+fn battery(state: &RobotState) -> TableCell {
     let low = state.battery_level > BatteryLevel::Ok;
-    Cell::new(describe::battery(state), if low { Tone::Warning } else { Tone::Plain })
+    TableCell::new(describe::battery(state), if low { Tone::Warning } else { Tone::Plain })
 }
 
 #[cfg(test)]

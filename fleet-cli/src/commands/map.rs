@@ -20,7 +20,7 @@ use crate::values::number;
 use clap::{Args, Subcommand};
 use xtb_client::Result;
 use xtb_nav::{Grid, Map};
-use xtb_sim::CHART_RESOLUTION_M;
+use xtb_sim::MAP_RESOLUTION_M;
 
 /// Arguments of `map`.
 #[derive(Debug, Clone, Args)]
@@ -49,7 +49,7 @@ pub enum MapVerb {
 #[derive(Debug, Clone, Copy, Args)]
 pub struct ResolutionArgs {
     /// Cell size for a world's map, in m; a map file has its own.
-    #[arg(long = "resolution", value_name = "M", default_value_t = CHART_RESOLUTION_M, value_parser = cell)]
+    #[arg(long = "resolution", value_name = "M", default_value_t = MAP_RESOLUTION_M, value_parser = cell)]
     pub resolution_m: f64,
 }
 

@@ -52,7 +52,7 @@ use crate::args::GlobalArgs;
 use crate::context::{Context, Uses};
 use crate::exit::Exit;
 use crate::interrupt::{or_interrupted, or_interrupted_saying};
-use crate::output::{Output, Progress};
+use crate::output::{Output, ProgressLine};
 use clap::Subcommand;
 use rights::Rights;
 use std::sync::OnceLock;
@@ -297,7 +297,7 @@ async fn take_control(ctx: &Context, client: &Client, robot: &Name, take: bool) 
 /// The fleet's dispatcher; who has to wait for it is told.
 fn dispatcher(client: &Client) -> DispatcherClient<'_> {
     DispatcherClient::of(client).saying(|what| {
-        let mut progress = Progress::new();
+        let mut progress = ProgressLine::new();
         progress.show(what);
         Box::new(progress)
     })

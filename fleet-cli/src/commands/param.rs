@@ -6,7 +6,7 @@ use crate::exit::Exit;
 use crate::json::{LineKind, Verbs, line_of};
 use crate::output::{Output, Tone};
 use crate::robots::once_each;
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use clap::{ArgGroup, Args, Subcommand};
 use futures_util::future::join_all;
 use schemars::JsonSchema;
@@ -42,7 +42,7 @@ pub struct ParamArgs {
 #[derive(Debug, Clone, Subcommand)]
 pub enum ParamVerb {
     /// List the settings that may change while a robot runs.
-    List(ListArgs),
+    List(ParamListArgs),
     /// Show one setting.
     Get(GetArgs),
     /// Change a setting.
@@ -68,7 +68,7 @@ pub struct WhoseArgs {
 
 /// Arguments of `param list`.
 #[derive(Debug, Clone, Args)]
-pub struct ListArgs {
+pub struct ParamListArgs {
     /// Of which robots.
     #[command(flatten)]
     pub whose: WhoseArgs,
@@ -246,9 +246,9 @@ fn table(report: &Report, out: &Output) -> String {
                 ParamWhen::Standing => "while standing",
             };
             table.row(vec![
-                Cell::new(robot.as_str(), Tone::Strong),
+                TableCell::new(robot.as_str(), Tone::Strong),
                 param.name.clone().into(),
-                Cell::new(param.value.to_string(), if is_saved { Tone::Plain } else { Tone::Warning }),
+                TableCell::new(param.value.to_string(), if is_saved { Tone::Plain } else { Tone::Warning }),
                 param.unit.clone().into(),
                 saved.into(),
                 format!("{}..={}", param.min, param.max).into(),
@@ -264,7 +264,7 @@ fn changes(report: &Report, out: &Output) -> String {
     for (robot, of) in &report.robots {
         for change in &of.changes {
             table.row(vec![
-                Cell::new(robot.as_str(), Tone::Strong),
+                TableCell::new(robot.as_str(), Tone::Strong),
                 age(Duration::from_millis(change.age_ms)).into(),
                 change.by.to_string().into(),
                 change.name.clone().into(),

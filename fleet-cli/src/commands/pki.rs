@@ -64,7 +64,7 @@ pub enum PkiVerb {
     /// Make a new token with which a person signs in to the page.
     Token(token::TokenArgs),
     /// Write a certificate for a person's browser (PKCS #12).
-    Export(export::ExportArgs),
+    Export(export::PkiExportArgs),
 }
 
 /// Life of a certificate.

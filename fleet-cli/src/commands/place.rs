@@ -16,7 +16,7 @@ use xtb_client::{Client, Error, ErrorKind, Result, map_edit, map_source};
 use xtb_control::frames::MapPose;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{MAX_WHY, MapPlace, PlaceKind, PoseState, Waypoint, place_name};
-use xtb_sim::CHART_RESOLUTION_M;
+use xtb_sim::MAP_RESOLUTION_M;
 
 const PLACE_HELP: &str = "\
 A place can be used wherever a point is taken: `goto xtb-1 dock-2`, `dispatch route dock-1 dock-2`. A change goes to
@@ -248,7 +248,7 @@ pub async fn run(ctx: &Context, args: &PlaceArgs) -> Result<Exit> {
 
 async fn list(ctx: &Context, args: &PlaceListArgs) -> Result<Exit> {
     let all = match &args.file {
-        Some(file) => map_file::read(file, CHART_RESOLUTION_M)?.places().to_vec(),
+        Some(file) => map_file::read(file, MAP_RESOLUTION_M)?.places().to_vec(),
         None => {
             let client = Client::open(&ctx.settings).await?;
             let places = map_source::places(client.bus(), client.keys(), ctx.settings.timeout).await;
@@ -364,7 +364,7 @@ async fn change<'a>(
     make: impl FnOnce(&mut Vec<MapPlace>, &str) -> Result<()>,
 ) -> Result<Changed<'a>> {
     if let Some(file) = &to.file {
-        let mut places = map_file::read(file, CHART_RESOLUTION_M)?.places().to_vec();
+        let mut places = map_file::read(file, MAP_RESOLUTION_M)?.places().to_vec();
         make(&mut places, &file.display().to_string())?;
         map_file::write(file, None, &places)?;
         return Ok(Changed {

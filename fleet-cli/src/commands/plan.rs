@@ -8,7 +8,7 @@ mod schedule;
 use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::json::{LineKind, line_of};
-use crate::output::{Output, Progress};
+use crate::output::{Output, ProgressLine};
 use crate::values::seconds;
 use clap::Args;
 use instance::Instance;
@@ -18,7 +18,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_traffic::solver::{Fault, ProblemError, Unsolved};
+use xtb_traffic::solver::{ProblemError, ScheduleFault, Unsolved};
 
 const PLAN_HELP: &str = "\
 An instance names a world file in the same folder, and robots with start and goal (x, y in m, yaw in rad):
@@ -132,7 +132,7 @@ async fn follow(
     args: &PlanArgs,
     race: &Race,
 ) -> std::result::Result<Planned, Unsolved> {
-    let mut progress = Progress::new();
+    let mut progress = ProgressLine::new();
     loop {
         tokio::time::sleep(race::LOOK_EVERY).await;
         if let Some(ended) = race.ended() {
@@ -170,7 +170,7 @@ fn explain(unsolved: Unsolved, instance: &Instance, args: &PlanArgs) -> Error {
 }
 
 /// What must never happen: nothing is written then.
-fn wrong(fault: &Fault) -> Error {
+fn wrong(fault: &ScheduleFault) -> Error {
     Error::new(ErrorKind::Failed, format!("the schedule is invalid: {fault}; it was not written"))
         .hint("this is a bug in fleet-cli; another --seed may help")
 }

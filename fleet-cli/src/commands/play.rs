@@ -18,7 +18,7 @@ use xtb_client::Result;
 use xtb_client::messages::AnyMessage;
 use xtb_recording::fleet::drawing;
 use xtb_recording::fleet::player::{Move, Player};
-use xtb_recording::fleet::reader::{self, Reader};
+use xtb_recording::fleet::reader::{self, RecordingReader};
 
 /// Arguments of `play`.
 #[derive(Debug, Clone, Args)]
@@ -101,7 +101,7 @@ async fn print(ctx: &Context, path: &Path, settings: PlaySettings) -> Result<()>
     loop {
         let now = Instant::now();
         if player.advance(now - looked) == Move::Again {
-            reader = Reader::open(path).map_err(wrong)?;
+            reader = RecordingReader::open(path).map_err(wrong)?;
             (next, skipping) = (None, true);
         }
         looked = now;

@@ -5,7 +5,7 @@ use crate::exit::Exit;
 use crate::interrupt::interrupted;
 use crate::json::{LineKind, line_of};
 use crate::output;
-use crate::recording::recorder_worker::{Progress, RecorderWorker};
+use crate::recording::recorder_worker::{RecorderWorker, RecordingProgress};
 use crate::values::{number, seconds};
 use clap::Args;
 use schemars::JsonSchema;
@@ -14,11 +14,11 @@ use std::path::PathBuf;
 use std::pin::pin;
 use std::time::{Duration, Instant, SystemTime};
 use xtb_client::client::Client;
-use xtb_client::subscription::plan::Plan;
+use xtb_client::subscription::plan::WatchPlan;
 use xtb_client::subscription::{Inlet, Subscriptions, not_a_key_expr};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_recording::fleet::mcap_writer::McapSettings;
-use xtb_recording::fleet::recorder::Counts;
+use xtb_recording::fleet::recorder::RecordingCounts;
 
 /// Arguments of `record`.
 #[derive(Debug, Clone, Args)]
@@ -83,7 +83,7 @@ struct Ended {
     bytes: u64,
     seconds: f64,
     #[serde(flatten)]
-    counts: Counts,
+    counts: RecordingCounts,
 }
 
 /// What it prints with `--json`.
@@ -123,7 +123,7 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
         true => ctx.out.line(&Ready { ready: true, recording: path })?,
         false => ctx.out.note(&format!("recording to {}; stop with Ctrl-C", path.display())),
     }
-    let mut shown = output::Progress::new();
+    let mut shown = output::ProgressLine::new();
     let mut tick = tokio::time::interval(SHOW_EVERY);
     let mut refused = None;
     while refused.is_none()
@@ -143,7 +143,7 @@ pub async fn run(ctx: &Context, args: RecordArgs) -> Result<Exit> {
     let seconds = began.elapsed().as_secs_f64();
     drop(sources);
     let finishing = tokio::task::spawn_blocking(|| writing.finish());
-    let Progress { files, bytes, counts } =
+    let RecordingProgress { files, bytes, counts } =
         finishing.await.map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))??;
     client.close().await;
     ctx.out.result(&Ended { files, bytes, seconds, counts }, words)?;
@@ -163,9 +163,9 @@ async fn listen(client: &Client, key_exprs: &[String], inlet: &Inlet) -> Result<
     let tasks = client.keys().dispatch_tasks();
     let everything = everything(client);
     let plans = [
-        (everything.clone(), Plan::of(&everything)?),
-        (map.clone(), Plan::Answers(vec![map])),
-        (tasks.clone(), Plan::Answers(vec![tasks])),
+        (everything.clone(), WatchPlan::of(&everything)?),
+        (map.clone(), WatchPlan::Answers(vec![map])),
+        (tasks.clone(), WatchPlan::Answers(vec![tasks])),
     ];
     for (key_expr, plan) in plans {
         sources.add_plan(client, &key_expr, plan, inlet).await.map_err(not_a_key_expr)?;
@@ -183,8 +183,8 @@ fn usual_path(ctx: &Context) -> PathBuf {
     PathBuf::from(format!("{}-{}.mcap", ctx.settings.fleet, now.as_secs()))
 }
 
-fn progress(progress: &Progress, elapsed: Duration) -> String {
-    let Counts { messages, unreadable, dropped, .. } = progress.counts;
+fn progress(progress: &RecordingProgress, elapsed: Duration) -> String {
+    let RecordingCounts { messages, unreadable, dropped, .. } = progress.counts;
     let mut text = format!(
         "{:.0} s  {messages} messages  {}  {dropped} dropped",
         elapsed.as_secs_f64(),
@@ -200,7 +200,7 @@ fn progress(progress: &Progress, elapsed: Duration) -> String {
 }
 
 fn words(ended: &Ended) -> String {
-    let Counts { messages, unreadable, dropped, .. } = ended.counts;
+    let RecordingCounts { messages, unreadable, dropped, .. } = ended.counts;
     let files: Vec<String> = ended.files.iter().map(|file| file.display().to_string()).collect();
     let mut text = format!(
         "{messages} messages in {:.1} s, {}: {}",

@@ -4,7 +4,7 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use clap::Args;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -101,13 +101,13 @@ fn table(report: &Report, out: &Output) -> String {
     for Line { report: robot, utilisation } in &report.robots {
         let failed = if robot.failed > 0 { Tone::Bad } else { Tone::Plain };
         table.row(vec![
-            Cell::new(robot.robot.as_str(), Tone::Strong),
+            TableCell::new(robot.robot.as_str(), Tone::Strong),
             format!("{:.1} m", robot.driven_m).into(),
             hours(robot.driving_s).into(),
             hours(robot.heard_s).into(),
             utilisation.map_or_else(|| "-".to_owned(), |part| format!("{:.0} %", 100.0 * part)).into(),
             robot.done.to_string().into(),
-            Cell::new(robot.failed.to_string(), failed),
+            TableCell::new(robot.failed.to_string(), failed),
             volts(robot.battery_v).into(),
             volts(robot.battery_min_v).into(),
             stops(&robot.stops, " ", ", ").into(),

@@ -38,7 +38,7 @@ use xtb_services::dispatch::usage::Usage;
 use xtb_services::ros2::FleetNode;
 use xtb_services::router::check_listen;
 use xtb_sim::{Pace, VehicleFile, World};
-use xtb_simulator::{BoardFirmware, Plan, Simulator, Told};
+use xtb_simulator::{BoardFirmware, LatestStats, SimulationPlan, Simulator};
 
 /// Arguments of `sim`.
 #[derive(Debug, Clone, Args)]
@@ -327,7 +327,7 @@ fn listen(ctx: &Context, args: &SimArgs) -> Result<String> {
 }
 
 /// What is asked for.
-fn plan(ctx: &Context, args: &SimArgs, listen: String, set: Option<&Identities>) -> Result<Plan> {
+fn plan(ctx: &Context, args: &SimArgs, listen: String, set: Option<&Identities>) -> Result<SimulationPlan> {
     let identity = match set {
         Some(set) => Some(set.of(Role::Simulator)?),
         None => ctx.settings.identity.clone(),
@@ -338,7 +338,7 @@ fn plan(ctx: &Context, args: &SimArgs, listen: String, set: Option<&Identities>)
     {
         ctx.out.note("the agents on these serial ports need the same vehicle settings, under [vehicle] in their configs");
     }
-    Ok(Plan {
+    Ok(SimulationPlan {
         fleet: ctx.settings.fleet.clone(),
         robots: args.robots,
         first: args.first,
@@ -387,7 +387,7 @@ async fn until_done(dispatcher: Option<&mut EmbeddedDispatcher>, wanted: bool) -
 }
 
 /// Says when the world falls behind and when it is in time again; with `strict` the first is an error.
-async fn pace(ctx: &Context, mut stats: watch::Receiver<Told>, strict: bool) -> Error {
+async fn pace(ctx: &Context, mut stats: watch::Receiver<LatestStats>, strict: bool) -> Error {
     let mut said = None;
     loop {
         let told = *stats.borrow_and_update();

@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -43,21 +43,22 @@ impl Report {
         robots.sort_by_key(|(robot, _)| by_number(robot));
         for (robot, outcome) in robots {
             let outcome = match outcome {
-                StopOutcome::Stopped => Cell::new(stopped, Tone::Good),
-                StopOutcome::Refused => Cell::new("refused", Tone::Bad),
-                StopOutcome::Unknown => Cell::new("unknown (no answer: it may be driving)", Tone::Bad),
+                StopOutcome::Stopped => TableCell::new(stopped, Tone::Good),
+                StopOutcome::Refused => TableCell::new("refused", Tone::Bad),
+                StopOutcome::Unknown => TableCell::new("unknown (no answer: it may be driving)", Tone::Bad),
                 StopOutcome::Unconfirmed => {
-                    Cell::new("not confirmed (answered, but its state does not show it)", Tone::Bad)
+                    TableCell::new("not confirmed (answered, but its state does not show it)", Tone::Bad)
                 }
-                StopOutcome::Absent => Cell::new(
+                StopOutcome::Absent => TableCell::new(
                     "not confirmed (answered, but no such robot is present: `fleet-cli doctor`)",
                     Tone::Bad,
                 ),
-                StopOutcome::Ambiguous => {
-                    Cell::new("not confirmed (several programs answer for it: `fleet-cli doctor`)", Tone::Bad)
-                }
+                StopOutcome::Ambiguous => TableCell::new(
+                    "not confirmed (several programs answer for it: `fleet-cli doctor`)",
+                    Tone::Bad,
+                ),
             };
-            table.row(vec![Cell::new(robot.as_str(), Tone::Strong), outcome]);
+            table.row(vec![TableCell::new(robot.as_str(), Tone::Strong), outcome]);
         }
         table.render(out)
     }

@@ -4,7 +4,7 @@ use crate::context::Context;
 use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use crate::output::{Output, Tone};
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use crate::text::task::{legs, robot, since, tone, what, whose};
 use clap::Args;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -63,13 +63,16 @@ fn text(history: &TaskHistory, now_ms: u64, out: &Output) -> String {
     for (i, step) in steps.iter().enumerate() {
         table.row(vec![
             after(step.at_ms, task.submitted_ms).into(),
-            Cell::new(reasons::name(&step.state), tone(step.state)),
+            TableCell::new(reasons::name(&step.state), tone(step.state)),
             step.robot.as_ref().map_or_else(String::new, ToString::to_string).into(),
             step.legs_done.to_string().into(),
             step.reason.clone().unwrap_or_default().into(),
         ]);
         if i == 0 && *left_out > 0 {
-            table.row(vec![Cell::new("…", Tone::Dim), Cell::new(format!("{left_out} not shown"), Tone::Dim)]);
+            table.row(vec![
+                TableCell::new("…", Tone::Dim),
+                TableCell::new(format!("{left_out} not shown"), Tone::Dim),
+            ]);
         }
     }
     lines.push(table.render(out));

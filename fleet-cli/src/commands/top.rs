@@ -26,7 +26,7 @@ use teleop_session::Hand;
 use tokio::sync::watch;
 use tokio::task::{Id, JoinSet};
 use xtb_client::client::Client;
-use xtb_client::scene::live::{Live, Shared, Wanted};
+use xtb_client::scene::live::{Live, SharedScene, Wanted};
 use xtb_client::teleop::SEND_EVERY;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
@@ -115,7 +115,7 @@ fn refuse(ctx: &Context) -> Result<()> {
 
 /// Where the fleet comes from, and who can be asked for something.
 struct Source<'a> {
-    scene: Arc<Shared>,
+    scene: Arc<SharedScene>,
     client: Option<&'a Client>,
     played: Option<Arc<PlaybackWorker>>,
 }

@@ -15,7 +15,7 @@ use tokio::sync::mpsc;
 use xtb_bus::Incoming;
 use xtb_client::client::Client;
 use xtb_client::messages::AnyMessage;
-use xtb_client::subscription::plan::Plan;
+use xtb_client::subscription::plan::WatchPlan;
 use xtb_client::subscription::{Inlet, Item, Subscriptions, hidden, not_a_key_expr};
 use xtb_client::{Error, ErrorKind, Result};
 
@@ -60,13 +60,13 @@ pub(super) const JSON: &[LineKind] = &[line_of::<Decoded<'_>>, line_of::<Undecod
 /// No router, one that does not admit this identity, a key expression that is none or that names only commands, or
 /// nobody to answer.
 pub async fn run(ctx: &Context, args: &WatchArgs) -> Result<Exit> {
-    let plan = Plan::of(&args.key_expr)?;
+    let plan = WatchPlan::of(&args.key_expr)?;
     let client = Client::open(&ctx.settings).await?;
     if let Some(words) = hidden(&client, &args.key_expr, &plan) {
         ctx.out.note(&format!("warning: {words}"));
     }
     match plan {
-        Plan::Answers(ask) => print_answers(ctx, &client, args, &ask).await?,
+        WatchPlan::Answers(ask) => print_answers(ctx, &client, args, &ask).await?,
         plan => tokio::select! {
             followed = follow(ctx, &client, args, plan) => followed?,
             refused = client.refused() => return Err(refused),
@@ -96,7 +96,7 @@ async fn print_answers(ctx: &Context, client: &Client, args: &WatchArgs, ask: &[
     answers.into_iter().take(most).try_for_each(|answer| ctx.out.text(&line(&Item::Message(answer))?))
 }
 
-async fn follow(ctx: &Context, client: &Client, args: &WatchArgs, plan: Plan) -> Result<()> {
+async fn follow(ctx: &Context, client: &Client, args: &WatchArgs, plan: WatchPlan) -> Result<()> {
     let (queue, mut items) = mpsc::channel(QUEUE);
     let dropped = Arc::new(AtomicU64::new(0));
     let drops = Arc::clone(&dropped);

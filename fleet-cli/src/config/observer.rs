@@ -8,7 +8,7 @@ use xtb_dispatch::alerts::Rules;
 use xtb_protocol::messages::BatteryLevel;
 use xtb_services::alert_outlets::{CommandOutlet, OutletSettings, Url, WebhookOutlet};
 use xtb_services::dispatch::ObserverSettings;
-use xtb_services::history::Bounds;
+use xtb_services::history::Retention;
 
 pub(super) const ALERTS: [&str; 12] = [
     "latched",
@@ -108,7 +108,7 @@ pub struct HistoryConfig {
 
 impl Default for HistoryConfig {
     fn default() -> Self {
-        let Bounds { keep_days, max_mib } = Bounds::default();
+        let Retention { keep_days, max_mib } = Retention::default();
         Self { keep_days, max_mib }
     }
 }
@@ -176,7 +176,7 @@ pub fn observer(alerts: &AlertsConfig, history: HistoryConfig) -> Result<Observe
     Ok(ObserverSettings {
         rules: alerts.rules(),
         outlets: OutletSettings { command, webhook: webhook.transpose()? },
-        history: Bounds { keep_days: history.keep_days, max_mib: history.max_mib },
+        history: Retention { keep_days: history.keep_days, max_mib: history.max_mib },
     })
 }
 
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn without_a_word_the_rules_are_on_and_nobody_is_called() {
         let settings = parse("").unwrap();
-        assert_eq!((settings.rules, settings.history), (Rules::default(), Bounds::default()));
+        assert_eq!((settings.rules, settings.history), (Rules::default(), Retention::default()));
         assert!(settings.outlets.command.is_none() && settings.outlets.webhook.is_none());
     }
 
@@ -225,7 +225,7 @@ mod tests {
             ("/usr/local/bin/call", &["--lab".to_owned()][..])
         );
         assert!(settings.outlets.webhook.is_some());
-        assert_eq!(settings.history, Bounds { keep_days: 7, ..Bounds::default() });
+        assert_eq!(settings.history, Retention { keep_days: 7, ..Retention::default() });
     }
 
     #[test]

@@ -8,14 +8,14 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use xtb_client::scene::Scene;
-use xtb_client::scene::live::Shared;
+use xtb_client::scene::live::SharedScene;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dashboard::{Playback, PlaybackPosition};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_recording::Error as RecordingError;
 use xtb_recording::fleet::player::{Move, Player};
-use xtb_recording::fleet::reader::{self, Reader, Recorded};
+use xtb_recording::fleet::reader::{self, Recorded, RecordingReader};
 
 /// Between two looks at what is due.
 const TICK: Duration = Duration::from_millis(20);
@@ -55,12 +55,12 @@ struct Control {
 }
 
 #[derive(Debug)]
-struct Desk {
+struct Controls {
     control: Mutex<Control>,
-    wish: Condvar,
+    changed: Condvar,
 }
 
-impl Desk {
+impl Controls {
     fn lock(&self) -> MutexGuard<'_, Control> {
         self.control.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -69,8 +69,8 @@ impl Desk {
 /// A recording that is being played, until this is dropped.
 #[derive(Debug)]
 pub struct PlaybackWorker {
-    scene: Arc<Shared>,
-    desk: Arc<Desk>,
+    scene: Arc<SharedScene>,
+    controls: Arc<Controls>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -91,27 +91,32 @@ impl PlaybackWorker {
                 Error::new(ErrorKind::Invalid, message).hint("--from is the time after the first message")
             );
         }
-        let scene = Arc::new(Shared::played(Scene::new(fleet.clone())));
-        let desk = Arc::new(Desk {
+        let scene = Arc::new(SharedScene::played(Scene::new(fleet.clone())));
+        let controls = Arc::new(Controls {
             control: Mutex::new(Control { player, shown: None, failed: None, stop: false }),
-            wish: Condvar::new(),
+            changed: Condvar::new(),
         });
-        let mut projector =
-            Projector { reader, next: None, fleet, scene: Arc::clone(&scene), desk: Arc::clone(&desk) };
+        let mut projector = Projector {
+            reader,
+            next: None,
+            fleet,
+            scene: Arc::clone(&scene),
+            controls: Arc::clone(&controls),
+        };
         let thread = std::thread::Builder::new().name("play".into()).spawn(move || projector.run())?;
-        Ok(Self { scene, desk, thread: Some(thread) })
+        Ok(Self { scene, controls, thread: Some(thread) })
     }
 
     /// What is shown.
     #[must_use]
-    pub fn scene(&self) -> Arc<Shared> {
+    pub fn scene(&self) -> Arc<SharedScene> {
         Arc::clone(&self.scene)
     }
 
     /// How it stands.
     #[must_use]
     pub fn status(&self) -> PlayStatus {
-        let control = self.desk.lock();
+        let control = self.controls.lock();
         let player = &control.player;
         let caught_up = control.shown.as_ref() == Some(player);
         PlayStatus {
@@ -143,8 +148,8 @@ impl PlaybackWorker {
     }
 
     fn wish(&self, change: impl FnOnce(&mut Control)) {
-        change(&mut self.desk.lock());
-        self.desk.wish.notify_one();
+        change(&mut self.controls.lock());
+        self.controls.changed.notify_one();
     }
 }
 
@@ -183,18 +188,18 @@ pub(crate) fn not_readable(path: &Path, error: &RecordingError) -> Error {
 
 /// The thread's own.
 struct Projector {
-    reader: Reader,
+    reader: RecordingReader,
     next: Option<Recorded>,
     fleet: Name,
-    scene: Arc<Shared>,
-    desk: Arc<Desk>,
+    scene: Arc<SharedScene>,
+    controls: Arc<Controls>,
 }
 
 impl Projector {
     fn run(&mut self) {
         let mut looked = Instant::now();
         loop {
-            let mut control = self.desk.lock();
+            let mut control = self.controls.lock();
             if control.stop {
                 return;
             }
@@ -208,7 +213,7 @@ impl Projector {
                 Move::Again => self.begin_anew(&player),
             };
             self.scene.set_now_ms(player.position_ms());
-            let mut control = self.desk.lock();
+            let mut control = self.controls.lock();
             if matches!(played, Ok(false)) {
                 control.shown = Some(player);
             }
@@ -223,7 +228,7 @@ impl Projector {
                 }
             }
             // A wish or the next tick, whichever comes first.
-            drop(self.desk.wish.wait_timeout(control, TICK));
+            drop(self.controls.changed.wait_timeout(control, TICK));
         }
     }
 
@@ -238,7 +243,7 @@ impl Projector {
 
     /// A new scene at the player's place, from what it needs of all that is before.
     fn begin_anew(&mut self, player: &Player) -> std::result::Result<bool, RecordingError> {
-        self.reader = Reader::open(self.reader.path())?;
+        self.reader = RecordingReader::open(self.reader.path())?;
         self.next = None;
         self.scene.rewind(Scene::new(self.fleet.clone()), player.position_ms());
         let (mut tasks, mut alerts, mut map, mut places) = (None, None, None, None);

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 use xtb_client::subscription::{Inlet, Item};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_recording::fleet::mcap_writer::{McapSettings, McapWriter};
-use xtb_recording::fleet::recorder::{Counts, Recorder};
+use xtb_recording::fleet::recorder::{Recorder, RecordingCounts};
 
 /// Items that wait for the disk.
 const QUEUE: usize = 16_384;
@@ -48,9 +48,9 @@ fn ns(time: Duration) -> u64 {
 
 /// How a recording stands.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Progress {
+pub struct RecordingProgress {
     /// What was and was not kept.
-    pub counts: Counts,
+    pub counts: RecordingCounts,
     /// On the disk, of all files.
     pub bytes: u64,
     /// The files so far.
@@ -63,11 +63,11 @@ struct Shared {
     dropped: AtomicU64,
     stop: AtomicBool,
     ended: AtomicBool,
-    progress: Mutex<Progress>,
+    progress: Mutex<RecordingProgress>,
 }
 
 impl Shared {
-    fn set(&self, progress: Progress) {
+    fn set(&self, progress: RecordingProgress) {
         *self.progress.lock().unwrap_or_else(PoisonError::into_inner) = progress;
     }
 }
@@ -109,7 +109,11 @@ impl RecorderWorker {
         let tape = McapWriter::create(settings, clock.now_ns())?;
         let (queue, items) = mpsc::sync_channel(QUEUE);
         let shared = Arc::<Shared>::default();
-        shared.set(Progress { files: tape.paths().to_vec(), bytes: tape.bytes()?, ..Default::default() });
+        shared.set(RecordingProgress {
+            files: tape.paths().to_vec(),
+            bytes: tape.bytes()?,
+            ..Default::default()
+        });
         let mut writer =
             Writer { tape, recorder: Recorder::default(), shared: Arc::clone(&shared), clock, chunk };
         let thread = std::thread::Builder::new().name("record".into()).spawn(move || {
@@ -129,7 +133,7 @@ impl RecorderWorker {
 
     /// How it stands.
     #[must_use]
-    pub fn progress(&self) -> Progress {
+    pub fn progress(&self) -> RecordingProgress {
         let mut progress = self.door.shared.progress.lock().unwrap_or_else(PoisonError::into_inner).clone();
         progress.counts.dropped = self.door.shared.dropped.load(Ordering::Relaxed);
         progress
@@ -145,7 +149,7 @@ impl RecorderWorker {
     ///
     /// # Errors
     /// Why the recording ended before, or cannot be ended.
-    pub fn finish(self) -> Result<Progress> {
+    pub fn finish(self) -> Result<RecordingProgress> {
         let shared = self.door.shared;
         shared.stop.store(true, Ordering::Release);
         let ended = self.thread.join();
@@ -197,12 +201,16 @@ impl Writer {
         self.tape.write(self.recorder.take(*at_ns, item)).map_err(Error::from)
     }
 
-    fn counts(&self) -> Counts {
-        Counts { dropped: self.shared.dropped.load(Ordering::Relaxed), ..self.recorder.counts() }
+    fn counts(&self) -> RecordingCounts {
+        RecordingCounts { dropped: self.shared.dropped.load(Ordering::Relaxed), ..self.recorder.counts() }
     }
 
     fn tell(&self, bytes: u64) {
-        self.shared.set(Progress { counts: self.counts(), bytes, files: self.tape.paths().to_vec() });
+        self.shared.set(RecordingProgress {
+            counts: self.counts(),
+            bytes,
+            files: self.tape.paths().to_vec(),
+        });
     }
 }
 

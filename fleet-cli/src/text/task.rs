@@ -2,7 +2,7 @@
 
 use crate::context::Context;
 use crate::output::{Output, Tone};
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use xtb_client::text::reasons;
 use xtb_client::text::robot::fixed;
 use xtb_protocol::Name;
@@ -132,11 +132,11 @@ pub(crate) fn table<'a>(tasks: impl Iterator<Item = &'a TaskView>, now_ms: u64, 
     for task in tasks {
         let robot = match robot(task) {
             Some(robot) => robot.as_str().into(),
-            None => Cell::new(who(&task.spec.who), Tone::Dim),
+            None => TableCell::new(who(&task.spec.who), Tone::Dim),
         };
         table.row(vec![
-            Cell::new(task.id.to_string(), Tone::Strong),
-            Cell::new(reasons::name(&task.state), tone(task.state)),
+            TableCell::new(task.id.to_string(), Tone::Strong),
+            TableCell::new(reasons::name(&task.state), tone(task.state)),
             since(now_ms, task.since_ms).into(),
             robot,
             legs(task).into(),

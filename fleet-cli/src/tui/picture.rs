@@ -10,7 +10,7 @@ use ratatui::widgets::{Block, Row, Table};
 use ratatui::{DefaultTerminal, Frame};
 use std::collections::BTreeMap;
 use xtb_client::Result;
-use xtb_client::client::Seen;
+use xtb_client::client::LastState;
 use xtb_control::vehicle::Geometry;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Truth, TruthRobot};
@@ -24,13 +24,13 @@ const COLORS: [Color; 6] =
 
 /// What the picture shows besides the present.
 #[derive(Debug, Clone, Default)]
-pub struct Scene {
+pub struct PictureTrails {
     /// Goals of each robot.
     pub goals: BTreeMap<Name, Vec<(f64, f64)>>,
     trails: BTreeMap<Name, Vec<(f64, f64)>>,
 }
 
-impl Scene {
+impl PictureTrails {
     fn remember(&mut self, truth: &Truth) {
         for (name, robot) in &truth.robots {
             let trail = self.trails.entry(name.clone()).or_default();
@@ -84,7 +84,12 @@ impl Picture {
     ///
     /// # Errors
     /// The terminal is gone.
-    pub fn draw(&mut self, scene: &mut Scene, truth: &Truth, states: &BTreeMap<Name, Seen>) -> Result<bool> {
+    pub fn draw(
+        &mut self,
+        scene: &mut PictureTrails,
+        truth: &Truth,
+        states: &BTreeMap<Name, LastState>,
+    ) -> Result<bool> {
         scene.remember(truth);
         self.terminal.draw(|frame| render(frame, scene, truth, states))?;
         let leaves = |input| match input {
@@ -105,7 +110,7 @@ fn color(index: usize) -> Color {
     COLORS[index % COLORS.len()]
 }
 
-fn render(frame: &mut Frame<'_>, scene: &Scene, truth: &Truth, states: &BTreeMap<Name, Seen>) {
+fn render(frame: &mut Frame<'_>, scene: &PictureTrails, truth: &Truth, states: &BTreeMap<Name, LastState>) {
     let lines = u16::try_from(truth.robots.len()).unwrap_or(u16::MAX).min(frame.area().height / 2);
     let [map, list] =
         Layout::vertical([Constraint::Min(6), Constraint::Length(lines + 3)]).areas(frame.area());
@@ -143,7 +148,13 @@ fn fit((x, y): ([f64; 2], [f64; 2]), columns: f64, rows: f64) -> ([f64; 2], [f64
     (widen(x, scale * columns), widen(y, scale * 2.0 * rows))
 }
 
-fn draw_robot(canvas: &mut Context<'_>, scene: &Scene, name: &Name, robot: &TruthRobot, color: Color) {
+fn draw_robot(
+    canvas: &mut Context<'_>,
+    scene: &PictureTrails,
+    name: &Name,
+    robot: &TruthRobot,
+    color: Color,
+) {
     if let Some(trail) = scene.trails.get(name) {
         canvas.draw(&Points { coords: trail, color: Color::DarkGray });
     }
@@ -170,9 +181,9 @@ fn draw_robot(canvas: &mut Context<'_>, scene: &Scene, name: &Name, robot: &Trut
     canvas.print(robot.x_m + half_length, robot.y_m + half_width, name.to_string().fg(color));
 }
 
-fn row(name: &Name, robot: &TruthRobot, seen: Option<&Seen>) -> Row<'static> {
+fn row(name: &Name, robot: &TruthRobot, seen: Option<&LastState>) -> Row<'static> {
     let contacts = robot.contacts.to_string();
-    let Some(state) = seen.and_then(Seen::fresh) else {
+    let Some(state) = seen.and_then(LastState::fresh) else {
         let unknown = || "unknown".to_owned();
         return Row::new([name.to_string(), unknown(), unknown(), unknown(), unknown(), unknown(), contacts]);
     };

@@ -40,7 +40,7 @@ use keys::Press;
 use robot_view::{ShownRobot, sights};
 use view::View;
 use xtb_client::scene::{AtMs, Scene};
-use xtb_client::teleop::Drive;
+use xtb_client::teleop::StickPosition;
 use xtb_control::Stamp;
 use xtb_nav::geometry::path::wrap_rad;
 use xtb_protocol::Name;
@@ -262,7 +262,7 @@ impl Cockpit {
     }
 
     /// The setpoint that is due now, 20 times a second; `None` = nothing is to be sent.
-    pub(crate) fn drive(&mut self, now_ms: AtMs) -> Option<Drive> {
+    pub(crate) fn drive(&mut self, now_ms: AtMs) -> Option<StickPosition> {
         match &mut self.grip {
             Some(Grip::Driving { keyboard, .. }) => keyboard.send(Stamp::from_ms(now_ms)),
             _ => None,

@@ -28,7 +28,7 @@ use plan::{Step, steps};
 use report::Report;
 use robot_agent::config::ConfigFile;
 use robot_agent::hardware::instruments::Instruments;
-use robot_agent::settings_file::{self, Change};
+use robot_agent::settings_file::{self, SettingChange};
 use robot_agent::{VERSION, files};
 use session::{Event, Session, Then};
 use std::io::IsTerminal;
@@ -270,7 +270,7 @@ impl<'a> Shell<'a> {
     }
 
     fn write(&self, lengths: &[(&'static str, f64)]) -> Verdict {
-        let change = |(key, m): &(&str, f64)| Change::new(&format!("vehicle.geometry.{key}"), *m);
+        let change = |(key, m): &(&str, f64)| SettingChange::new(&format!("vehicle.geometry.{key}"), *m);
         let changes: Vec<_> = lengths.iter().map(change).collect();
         settings_file::write(self.config, &changes)
             .map_err(|error| Wrong::new(error.to_string(), "nothing was written: measure again"))?;

@@ -27,7 +27,9 @@ use robot_agent::settings_file;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use xtb_control::PwmCount;
-use xtb_control::calibration::{Actuator, Fit, FitError, Kind, Point, Step, Sweep, SweepError, fit};
+use xtb_control::calibration::{
+    Actuator, ActuatorKind, Fit, FitError, Point, Sweep, SweepError, SweepStep, fit,
+};
 
 /// A simulated truck's world need not wait for anybody's watch: as fast as the machine goes.
 const SIMULATED_SPEED: f64 = 1000.0;
@@ -70,9 +72,9 @@ fn conclude(
     let (fit, refused) = judge(points);
     let (what, vehicle) = (args.what, &file.vehicle);
     let old_centre = match what.kind() {
-        Kind::Steering(0) => Some(vehicle.steering.front_centre),
-        Kind::Steering(_) => Some(vehicle.steering.rear_centre),
-        Kind::Bumper(_) | Kind::Piston(_) => None,
+        ActuatorKind::Steering(0) => Some(vehicle.steering.front_centre),
+        ActuatorKind::Steering(_) => Some(vehicle.steering.rear_centre),
+        ActuatorKind::Bumper(_) | ActuatorKind::Piston(_) => None,
     };
     let old = what.line(&vehicle.calibration);
     let report = Report { what, old, old_centre, points, fit: fit.as_ref(), refused };
@@ -169,14 +171,14 @@ fn measure(file: &ConfigFile, args: &CalibrateArgs, console: &Console) -> Result
 }
 
 /// The pulses there and back, and outwards.
-fn possible(sweep: &Sweep) -> Result<(Vec<Step>, Vec<PwmCount>), Failure> {
+fn possible(sweep: &Sweep) -> Result<(Vec<SweepStep>, Vec<PwmCount>), Failure> {
     let impossible = |error: SweepError| Failure::new(error, "see --from, --to and --points").code(2);
     Ok((sweep.there_and_back().map_err(impossible)?, sweep.outwards().map_err(impossible)?))
 }
 
 /// A person has to read the angles.
 fn is_by_hand(file: &ConfigFile, what: Actuator) -> bool {
-    file.hardware.kind != "simulated" && !matches!(what.kind(), Kind::Piston(_))
+    file.hardware.kind != "simulated" && !matches!(what.kind(), ActuatorKind::Piston(_))
 }
 
 /// Moves and measures on a bench that has been set up.
@@ -188,7 +190,7 @@ fn on_bench(
 ) -> Result<Vec<Point>, Failure> {
     let what = args.what;
     let (steps, counts) = possible(&sweep_of(file, args))?;
-    if let Kind::Piston(index) = what.kind() {
+    if let ActuatorKind::Piston(index) = what.kind() {
         return measure_piston(bench, file, (what, index), &counts);
     }
     let readings = steps.iter().filter(|step| step.read).count();

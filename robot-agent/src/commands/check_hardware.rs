@@ -23,7 +23,7 @@ use xtb_control::vehicle::Platform;
 use xtb_control::{PwmCount, Stamp, VehicleConfig};
 use xtb_protocol::messages::FaultState;
 use xtb_robot::robot::TURN_NS;
-use xtb_robot::{Identity, Robot};
+use xtb_robot::{Robot, RobotIdentity};
 
 /// `--timeout` takes these, in s.
 const TIMEOUTS_S: std::ops::RangeInclusive<f64> = 0.1..=3600.0;
@@ -78,7 +78,7 @@ pub(crate) fn run(file: &ConfigFile, args: &CheckArgs) -> Result<ExitCode, Failu
 pub(crate) fn watcher(file: &ConfigFile) -> Result<Robot, Failure> {
     let agent = file.agent()?;
     let identity =
-        Identity { fleet: agent.fleet, robot: agent.robot, epoch: 0, start_pose: agent.start_pose };
+        RobotIdentity { fleet: agent.fleet, robot: agent.robot, epoch: 0, start_pose: agent.start_pose };
     Ok(Robot::new(identity, harmless(&file.vehicle), VERSION))
 }
 

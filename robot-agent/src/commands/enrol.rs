@@ -2,13 +2,13 @@
 
 use super::{Failure, print, print_json, tell};
 use crate::cli::EnrolArgs;
-use robot_agent::enrol::{self, Refusal};
+use robot_agent::enrol::{self, EnrolRefusal};
 use std::process::ExitCode;
 use std::time::SystemTime;
 use xtb_identity::Role;
 
 pub(crate) fn run(args: &EnrolArgs) -> Result<ExitCode, Failure> {
-    let failed = |refusal: Refusal| {
+    let failed = |refusal: EnrolRefusal| {
         let code = if refusal.is_of_the_file() { 2 } else { 1 };
         Failure::new(&refusal, refusal.hint()).code(code)
     };

@@ -2,7 +2,7 @@
 
 use super::{Failure, columns, print, print_json, tell};
 use crate::cli::{ReplayArgs, Settings};
-use robot_agent::config::Layers;
+use robot_agent::config::SettingLayers;
 use robot_agent::files;
 use robot_agent::replay::{Comparison, Difference, OtherDecision, WhatIf, compare, unusable, what_if};
 use std::fs::File;
@@ -12,14 +12,14 @@ use std::process::ExitCode;
 use xtb_control::{Controller, Stamp, VehicleConfig};
 use xtb_protocol::trace::{TraceReader, decision_line};
 use xtb_recording::Error;
-use xtb_recording::robot::{Ending, Recording};
+use xtb_recording::robot::{Recording, RecordingEnding};
 
 /// Lines of a what-if that are printed for people; `--json` has them all.
 const SHOWN: usize = 60;
 
 pub(crate) fn run(settings: &Settings, args: &ReplayArgs) -> Result<ExitCode, Failure> {
     match (&args.trace, &args.recording) {
-        (Some(trace), _) => replay_trace(trace, settings.load_for_replay(Layers::default())?.vehicle),
+        (Some(trace), _) => replay_trace(trace, settings.load_for_replay(SettingLayers::default())?.vehicle),
         (None, Some(recording)) => replay_recording(settings, args, recording),
         (None, None) => {
             Err(Failure::new("nothing to replay", "name a recording, or --trace IN.jsonl").code(2))
@@ -56,7 +56,7 @@ fn replay_recording(settings: &Settings, args: &ReplayArgs, path: &Path) -> Resu
 
 /// The recorded constants, or those of --config, with --set on top.
 fn vehicle_of(settings: &Settings, recording: &Recording) -> Result<VehicleConfig, Failure> {
-    let mut layers = Layers::default();
+    let mut layers = SettingLayers::default();
     if settings.config.is_none()
         && let Some(header) = recording.header()
     {
@@ -90,10 +90,10 @@ fn told(difference: &Difference) -> String {
     )
 }
 
-fn ending(ending: &Ending) -> String {
+fn ending(ending: &RecordingEnding) -> String {
     match ending {
-        Ending::Complete => String::new(),
-        Ending::Cut(words) => format!("the recording is incomplete: it ends there ({words})\n"),
+        RecordingEnding::Complete => String::new(),
+        RecordingEnding::Cut(words) => format!("the recording is incomplete: it ends there ({words})\n"),
     }
 }
 

@@ -3,9 +3,9 @@
 use super::problem::ConfigProblem;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use xtb_bus::{Enrolled, Opening, Role as Session};
+use xtb_bus::{Enrolled, Opening, SessionRole as Session};
 use xtb_control::VehicleConfig;
-use xtb_control::config::{Allowed::*, ConfigError, Origin::*, Parameter, render_toml, validate};
+use xtb_control::config::{Allowed::*, ConfigError, DefaultOrigin::*, Parameter, render_toml, validate};
 use xtb_control::config_section;
 use xtb_control::frames::MapPose;
 use xtb_control::vehicle::Imu;

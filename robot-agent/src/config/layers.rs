@@ -6,9 +6,9 @@ use toml::{Table, Value};
 
 /// Collects settings, the later ones over the earlier ones.
 #[derive(Debug, Clone, Default)]
-pub struct Layers(Table);
+pub struct SettingLayers(Table);
 
-impl Layers {
+impl SettingLayers {
     /// Puts a file's settings on top.
     ///
     /// # Errors

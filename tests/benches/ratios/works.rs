@@ -4,7 +4,7 @@ mod driving;
 mod planning;
 
 use fleet_tests::ratios::Figure;
-use xtb_nav::rooms::Room;
+use xtb_nav::rooms::RoomKind;
 
 /// One measurement's work.
 pub(crate) struct Work {
@@ -29,9 +29,9 @@ impl Work {
             Figure::ThousandRobots => driving::wanderers(1000, 40),
             Figure::BoardFrame => driving::board_frames(),
             Figure::StateMessage => driving::state_messages(),
-            Figure::PlanOpen => planning::single_plans(Room::Open),
-            Figure::PlanCluttered => planning::single_plans(Room::Cluttered),
-            Figure::PlanDoors => planning::single_plans(Room::Doors),
+            Figure::PlanOpen => planning::single_plans(RoomKind::Open),
+            Figure::PlanCluttered => planning::single_plans(RoomKind::Cluttered),
+            Figure::PlanDoors => planning::single_plans(RoomKind::Doors),
             Figure::ObstacleScan => planning::obstacle_scans(),
             Figure::JointPlan => planning::joint_plans(),
             Figure::PlanTwenty => planning::offline_plan(),

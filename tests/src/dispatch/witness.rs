@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use xtb_bus::{Bus, Subscription};
-use xtb_dispatch::{Entry, Record};
+use xtb_dispatch::{LedgerEntry, Record};
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{Assignment, Event, EventKind, GoalStatus, TaskId};
 use xtb_protocol::{Name, Uuid};
@@ -101,7 +101,7 @@ impl Written {
         assert!(reading.damage.is_empty(), "{:?}", reading.damage);
         let mut written = Self { records: reading.rows.len(), ..Self::default() };
         for row in reading.rows {
-            let entry = Entry::from_json(&row.body).unwrap_or_else(|error| panic!("{error}"));
+            let entry = LedgerEntry::from_json(&row.body).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(entry.n, row.seq, "an entry out of its place");
             match entry.record {
                 Record::Opened { ledger } => written.ledger = ledger,

@@ -12,7 +12,7 @@ use super::Seed;
 use robot_agent::config::ConfigFile;
 use std::path::Path;
 use xtb_control::controller::{AdcSample, GyroSample, PwmOutputs, RemoteSample};
-use xtb_control::tpu::{ResetMask, Setup};
+use xtb_control::tpu::{ResetMask, TpuSetup};
 use xtb_control::vehicle::SLOTS;
 use xtb_control::{AdcCount, PwmCount, VehicleConfig};
 use xtb_protocol::Uuid;
@@ -125,7 +125,7 @@ pub(super) fn board() -> Vec<Seed> {
     let (firmware, emergency_stop) = (Firmware(0x0100), None);
     let (ready, watchdog, setup_checksum, rejected) = (true, true, 0x1234, 3);
     let status = BoardStatus { firmware, ready, watchdog, emergency_stop, setup_checksum, rejected };
-    let setup = Setup::of(&VehicleConfig::default()).unwrap_or_else(|error| panic!("{error}"));
+    let setup = TpuSetup::of(&VehicleConfig::default()).unwrap_or_else(|error| panic!("{error}"));
     let remote = RemoteSample { speed: Some(938), steering: None, selector: Some(58_275) };
     let frames = [
         ("encoder", line.encoder(23)),

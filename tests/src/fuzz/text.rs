@@ -1,7 +1,7 @@
 //! Text: the fleet's config, the agent's, and the lines of a trace.
 
 use fleet_cli::config::{AlertsConfig, FleetConfig, HistoryConfig, HomeConfig};
-use robot_agent::config::{ConfigFile, ConfigProblem, Layers};
+use robot_agent::config::{ConfigFile, ConfigProblem, SettingLayers};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use xtb_client::ErrorKind;
@@ -76,7 +76,7 @@ pub fn agent_config(bytes: &[u8]) -> bool {
 }
 
 fn configured(text: &str) -> Result<ConfigFile, ConfigProblem> {
-    let mut layers = Layers::default();
+    let mut layers = SettingLayers::default();
     layers.file("robot.toml", text)?;
     layers.finish()
 }

@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::task::JoinHandle;
-use xtb_bus::{Bus, Role};
+use xtb_bus::{Bus, SessionRole};
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{RobotState, Sensors};
@@ -21,7 +21,7 @@ pub(crate) async fn crowd(
     every: Duration,
     change: fn(usize, &mut RobotState),
 ) -> JoinHandle<()> {
-    let role = Role::Client { connect: vec![fleet.simulator.endpoint().to_owned()] };
+    let role = SessionRole::Client { connect: vec![fleet.simulator.endpoint().to_owned()] };
     let bus = xtb_bus::open(&role).await.unwrap();
     let state = fleet.state(1).await;
     let sensors = sensors(&bus, fleet).await;

@@ -10,7 +10,7 @@ use serde_json::Value;
 use std::process::Command;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
-use xtb_bus::{Bus, Role};
+use xtb_bus::{Bus, SessionRole};
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{
     AlertKind, FleetAlerts, FleetMap, FleetPlaces, GoalStatus, Message, RobotState, TaskList, TaskState,
@@ -70,7 +70,7 @@ impl Lab {
         let read =
             |line: &String| serde_json::from_str::<Value>(line).unwrap_or_else(|_| panic!("{lines:?}"));
         let (robots, page) = (read(&lines[0]), read(&lines[1]));
-        let role = Role::Client { connect: vec![robots["router"].as_str().unwrap().to_owned()] };
+        let role = SessionRole::Client { connect: vec![robots["router"].as_str().unwrap().to_owned()] };
         let bus = xtb_bus::open(&role).await.unwrap();
         let monitor = Monitor::listen(&bus, "lab").await;
         let ready = |state: &RobotState| state.nav.map.is_some() && state.nav.traffic;

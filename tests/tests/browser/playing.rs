@@ -6,8 +6,8 @@ use crate::{beside_another, fleet_on_page};
 use fleet_tests::{eventually, name};
 use std::sync::{Arc, Mutex};
 use xtb_client::scene::Scene;
-use xtb_client::scene::live::Shared;
-use xtb_dashboard::{Playback, PlaybackPosition, Running, Settings, Shown};
+use xtb_client::scene::live::SharedScene;
+use xtb_dashboard::{Playback, PlaybackPosition, Running, ServerSettings, Shown};
 
 struct Tape(Mutex<PlaybackPosition>);
 
@@ -39,7 +39,7 @@ async fn the_bar_of_a_recording_shows_where_it_is_pauses_it_and_takes_it_elsewhe
         paused: false,
         ended: false,
     })));
-    let settings = Settings {
+    let settings = ServerSettings {
         listen: "127.0.0.1:0".parse().unwrap(),
         secure: None,
         token: None,
@@ -49,7 +49,7 @@ async fn the_bar_of_a_recording_shows_where_it_is_pauses_it_and_takes_it_elsewhe
         proxies: Vec::new(),
         hz: 10.0,
     };
-    let scene = Arc::new(Shared::played(Scene::new(name("lab"))));
+    let scene = Arc::new(SharedScene::played(Scene::new(name("lab"))));
     let shown = Shown { scene, commands: None, playback: Some(tape.clone()) };
     let running = Running::start(settings, shown).await.unwrap();
     let browser = Browser::start().await;

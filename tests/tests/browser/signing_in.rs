@@ -11,7 +11,7 @@ use serde_json::json;
 use std::sync::Arc;
 use xtb_client::Client;
 use xtb_client::scene::live::{Live, Wanted};
-use xtb_dashboard::{Running, Settings, Shown};
+use xtb_dashboard::{Running, ServerSettings, Shown};
 use xtb_identity::Role;
 
 /// A fleet and its page over TLS, for alice, an operator, and bob, a viewer.
@@ -41,7 +41,7 @@ impl Secured {
         };
         let client = Client::open(&settings).await.unwrap();
         let live = Live::open(&client, Wanted { sensors: true, truth: false }).await.unwrap();
-        let settings = Settings {
+        let settings = ServerSettings {
             listen: "127.0.0.1:0".parse().unwrap(),
             secure: Some(identities.secure()),
             token: None,

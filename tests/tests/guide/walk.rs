@@ -10,7 +10,7 @@ use super::terminal;
 use fleet_cli::config::FleetConfig;
 use fleet_tests::PATIENCE;
 use fleet_tests::processes::{Process, Signal, program};
-use robot_agent::config::Layers;
+use robot_agent::config::SettingLayers;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -248,7 +248,7 @@ impl<'a> Walk<'a> {
         if notes.has("fleet") {
             FleetConfig::parse(&text).unwrap_or_else(|failure| panic!("{place}: {failure}"));
         } else if notes.has("agent") {
-            let mut layers = Layers::default();
+            let mut layers = SettingLayers::default();
             layers.file(&place, &text).unwrap_or_else(|problem| panic!("{problem}"));
             layers.finish().unwrap_or_else(|problem| panic!("{place}: {problem}"));
         } else {

@@ -234,7 +234,7 @@ fn a_simulator_uses_the_router_that_is_named() {
 async fn robots_that_have_arrived_answer_a_question_to_all() {
     let world = concat!(env!("CARGO_MANIFEST_DIR"), "/../worlds/lab.toml");
     let sim = tokio::task::block_in_place(|| sim(&["--robots", "3", "--speed", "4", "--world", world]));
-    let role = xtb_bus::Role::Client { connect: vec![sim.endpoint.clone()] };
+    let role = xtb_bus::SessionRole::Client { connect: vec![sim.endpoint.clone()] };
     let bus = xtb_bus::open(&role).await.unwrap();
     let any = FleetKeys::new(name("lab")).any_robot().state();
     let states = || async {

@@ -17,7 +17,7 @@ use page::Page;
 use std::sync::Arc;
 use xtb_client::Client;
 use xtb_client::scene::live::{Live, Wanted};
-use xtb_dashboard::{Running, Settings, Shown};
+use xtb_dashboard::{Running, ServerSettings, Shown};
 
 /// A dashboard in this process, and the fleet that it shows.
 struct Rig {
@@ -32,7 +32,7 @@ impl Rig {
         Self::with(setup, |_| {}).await
     }
 
-    async fn with(setup: Setup, change: impl FnOnce(&mut Settings)) -> Self {
+    async fn with(setup: Setup, change: impl FnOnce(&mut ServerSettings)) -> Self {
         let fleet = Fleet::start(setup).await;
         let settings = xtb_client::Settings {
             identity: None,
@@ -52,7 +52,7 @@ impl Rig {
         };
         let client = Client::open(&ctx.settings).await.unwrap();
         let live = Live::open(&client, Wanted { sensors: true, truth: false }).await.unwrap();
-        let mut settings = Settings {
+        let mut settings = ServerSettings {
             listen: "127.0.0.1:0".parse().unwrap(),
             secure: None,
             token: None,

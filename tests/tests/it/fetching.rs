@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
-use xtb_bus::Role;
+use xtb_bus::SessionRole;
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{LogReply, LogRequest};
@@ -114,7 +114,7 @@ async fn a_false_robot_does_not_say_where_its_recording_is_written() {
     let place = tempfile::tempdir().unwrap();
     let (work, outside) = (place.path().join("work"), place.path().join("outside.mcap"));
     fs::create_dir(&work).unwrap();
-    let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+    let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
     let router = xtb_bus::open(&role).await.unwrap();
     let endpoint = router.locators().await.remove(0);
     let attacker = attacker::session(&endpoint).await;

@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use xtb_bus::{Bus, Publisher, Role};
+use xtb_bus::{Bus, Publisher, SessionRole};
 use xtb_control::frames::MapPose;
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::Format;
@@ -18,7 +18,7 @@ use xtb_protocol::messages::{
     Message, Request, Roster, RosterEntry, Route, Setpoint, TaskEvent, TaskId, TaskKind, TaskList, TaskSpec,
     TaskState, TaskStep, TaskView, TrafficState, Waypoint, Who,
 };
-use xtb_recording::fleet::reader::{Reader, Recorded};
+use xtb_recording::fleet::reader::{Recorded, RecordingReader};
 
 /// `fleet-cli record` of fleet `lab`, and the end of its life.
 struct Recording {
@@ -45,7 +45,7 @@ impl Recording {
     }
 
     fn messages(&self) -> (Vec<Recorded>, Option<String>) {
-        let mut reader = Reader::open(&self.file).unwrap();
+        let mut reader = RecordingReader::open(&self.file).unwrap();
         let mut messages = Vec::new();
         while let Some(message) = reader.next_message().unwrap() {
             messages.push(message);
@@ -55,7 +55,7 @@ impl Recording {
 }
 
 async fn client(endpoint: &str) -> Bus {
-    xtb_bus::open(&Role::Client { connect: vec![endpoint.to_owned()] }).await.unwrap()
+    xtb_bus::open(&SessionRole::Client { connect: vec![endpoint.to_owned()] }).await.unwrap()
 }
 
 /// A Python with the packages `mcap` and `jsonschema`, if there is one.

@@ -7,13 +7,13 @@ use std::sync::Arc;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use xtb_client::scene::Scene;
-use xtb_client::scene::live::Shared;
+use xtb_client::scene::live::SharedScene;
 use xtb_dashboard::foxglove::serve;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn foxglove_is_offered_scene_log_and_poses_and_gets_them() {
     let fleet = Fleet::start(Setup { robots: 1, speed: 1.0, ..Setup::default() }).await;
-    let shared = Arc::new(Shared::new(Scene::new(name("lab"))));
+    let shared = Arc::new(SharedScene::new(Scene::new(name("lab"))));
     let into = Arc::clone(&shared);
     let keys = fleet.any_robot().state();
     let each = move |incoming| into.put(&xtb_client::subscription::Item::Message(incoming));
@@ -61,7 +61,7 @@ async fn foxglove_is_offered_scene_log_and_poses_and_gets_them() {
 
 #[tokio::test]
 async fn it_is_served_on_the_loopback_only() {
-    let shared = Arc::new(Shared::new(Scene::new(name("lab"))));
+    let shared = Arc::new(SharedScene::new(Scene::new(name("lab"))));
     let refused = serve(shared, "0.0.0.0:0".parse().unwrap()).await.err().unwrap();
     assert!(refused.message.contains("no access token"), "{refused:?}");
 }

@@ -26,7 +26,7 @@ use xtb_protocol::messages::{
     Body, Event, EventKind, Fault, FaultState, GoalStatus, LinkLoss, Outcome, RejectCode, RobotState,
     StopReason, Via,
 };
-use xtb_sim::{LineFault, LineFaults, Transmitter};
+use xtb_sim::{InjectedLineFault, LineFaults, Transmitter};
 
 /// From the last good frame to a fault's name, in ms of the robot's clock. (A pty's hang-up may take the kernel
 /// longer than the silence takes to be named: then that is named first.)
@@ -57,7 +57,7 @@ enum Line {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum How {
     /// The device at its other end, or the cable.
-    Sends(LineFault),
+    Sends(InjectedLineFault),
     /// Pulled out and put in again.
     Unplugged,
     /// Pulled out for a moment, and somebody else was faster.
@@ -181,7 +181,7 @@ impl<'a> Truck<'a> {
         eventually("the truck to drive", moving).await;
     }
 
-    fn set_line_fault(&self, line: Line, fault: LineFault) {
+    fn set_line_fault(&self, line: Line, fault: InjectedLineFault) {
         let mut faults = LineFaults::default();
         match line {
             Line::Board => faults.board = fault,
@@ -248,7 +248,7 @@ impl<'a> Truck<'a> {
         assert!(neutral_ms <= NEUTRAL_WITHIN_MS, "{fault}: neutral after {neutral_ms} ms");
 
         match how {
-            How::Sends(_) => self.set_line_fault(line, LineFault::None),
+            How::Sends(_) => self.set_line_fault(line, InjectedLineFault::None),
             How::Unplugged => self.socket(line).plug(),
             How::Busy => drop(holder),
         }
@@ -308,10 +308,10 @@ async fn four_suffer(cases: [(Line, How, Fault); 4]) {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_boards_line_that_is_bad_stops_the_truck_and_is_well_again_by_itself() {
     four_suffer([
-        (Line::Board, How::Sends(LineFault::Silent), Fault::BoardSilent),
-        (Line::Board, How::Sends(LineFault::Garbage), Fault::BoardGarbage),
-        (Line::Board, How::Sends(LineFault::HalfFrames), Fault::BoardHalfFrames),
-        (Line::Board, How::Sends(LineFault::WrongDevice), Fault::BoardWrongDevice),
+        (Line::Board, How::Sends(InjectedLineFault::Silent), Fault::BoardSilent),
+        (Line::Board, How::Sends(InjectedLineFault::Garbage), Fault::BoardGarbage),
+        (Line::Board, How::Sends(InjectedLineFault::HalfFrames), Fault::BoardHalfFrames),
+        (Line::Board, How::Sends(InjectedLineFault::WrongDevice), Fault::BoardWrongDevice),
     ])
     .await;
 }
@@ -319,10 +319,10 @@ async fn a_boards_line_that_is_bad_stops_the_truck_and_is_well_again_by_itself()
 #[tokio::test(flavor = "multi_thread")]
 async fn a_gyros_line_that_is_bad_stops_the_truck_and_is_well_again_by_itself() {
     four_suffer([
-        (Line::Gyro, How::Sends(LineFault::Silent), Fault::GyroSilent),
-        (Line::Gyro, How::Sends(LineFault::Garbage), Fault::GyroGarbage),
-        (Line::Gyro, How::Sends(LineFault::HalfFrames), Fault::GyroHalfFrames),
-        (Line::Gyro, How::Sends(LineFault::WrongDevice), Fault::GyroWrongDevice),
+        (Line::Gyro, How::Sends(InjectedLineFault::Silent), Fault::GyroSilent),
+        (Line::Gyro, How::Sends(InjectedLineFault::Garbage), Fault::GyroGarbage),
+        (Line::Gyro, How::Sends(InjectedLineFault::HalfFrames), Fault::GyroHalfFrames),
+        (Line::Gyro, How::Sends(InjectedLineFault::WrongDevice), Fault::GyroWrongDevice),
     ])
     .await;
 }
@@ -397,7 +397,7 @@ async fn check_hardware_reads_everything_names_what_is_broken_and_moves_nothing(
     assert_eq!(row(&report, "board firmware")["raw"], "0x0100");
     assert_eq!(report["rows"].as_array().unwrap().len(), 37);
 
-    let silent = LineFaults { gyro: LineFault::Silent, ..LineFaults::default() };
+    let silent = LineFaults { gyro: InjectedLineFault::Silent, ..LineFaults::default() };
     fleet.simulator.world().change(move |world| world.trucks_mut()[0].set_line_faults(silent));
     let (code, report, output) = check_hardware(folder.path(), &["--timeout", "2"]).await;
     assert_eq!((code, &report["faults"][0]["fault"]), (Some(1), &Value::from("gyro_silent")), "{output:?}");

@@ -6,7 +6,7 @@ use fleet_tests::processes::{Process, RouterProcess, program};
 use fleet_tests::{eventually, name};
 use std::process::Command;
 use std::time::Duration;
-use xtb_bus::{Bus, Role};
+use xtb_bus::{Bus, SessionRole};
 use xtb_protocol::keys::{Channel, FleetKeys, RobotKeys};
 use xtb_protocol::messages::RobotState;
 
@@ -19,7 +19,7 @@ fn robot() -> RobotKeys {
     FleetKeys::new(name("lab")).robot(&name("xtb-1"))
 }
 
-async fn open(role: Role) -> Bus {
+async fn open(role: SessionRole) -> Bus {
     xtb_bus::open(&role).await.unwrap()
 }
 
@@ -57,7 +57,7 @@ async fn at_a_simulator_it_takes_no_memory_and_the_link_stays() {
     sim.args(["--json", "sim", "--robots", "1", "--listen", "tcp/127.0.0.1:0"]);
     let (sim, line) = Process::start_ready(&mut sim);
     let endpoint = line.split('"').find(|part| part.starts_with("tcp/")).unwrap().to_owned();
-    let bus = open(Role::Client { connect: vec![endpoint] }).await;
+    let bus = open(SessionRole::Client { connect: vec![endpoint] }).await;
     throw(&bus, &[("the simulator", &sim)]).await;
     bus.close().await;
 }
@@ -72,14 +72,14 @@ fn agent(endpoint: &str) -> Process {
 async fn at_a_router_it_takes_no_memory_and_the_link_stays() {
     let router = RouterProcess::start(None);
     let agent = agent(router.endpoint());
-    let bus = open(Role::Client { connect: vec![router.endpoint().to_owned()] }).await;
+    let bus = open(SessionRole::Client { connect: vec![router.endpoint().to_owned()] }).await;
     throw(&bus, &[("the router", router.process()), ("the agent behind it", &agent)]).await;
     bus.close().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn from_a_false_router_it_takes_no_memory_of_an_agent_and_the_link_stays() {
-    let bus = open(Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() }).await;
+    let bus = open(SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() }).await;
     let endpoint = bus.locators().await.remove(0);
     let agent = agent(&endpoint);
     throw(&bus, &[("an agent", &agent)]).await;

@@ -6,7 +6,7 @@ use fleet_tests::{Fleet, Setup, eventually, name};
 use serde_json::Value;
 use std::process::Command;
 use std::sync::mpsc;
-use xtb_bus::Role;
+use xtb_bus::SessionRole;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::RobotState;
@@ -62,7 +62,7 @@ async fn a_recorder_hears_states_and_makes_nobody_publish_them_in_json() {
         .arg(folder.path().join("a.mcap"));
     let (_recorder, ready) = Process::start_ready(&mut record);
     assert!(ready.contains("\"ready\":true"), "{ready}");
-    let role = Role::Client { connect: vec![router.endpoint().to_owned()] };
+    let role = SessionRole::Client { connect: vec![router.endpoint().to_owned()] };
     let bus = xtb_bus::open(&role).await.unwrap();
     let keys = FleetKeys::new(name("lab")).robot(&name("ghost"));
     let states = bus.publisher::<RobotState>(&keys.state(), &Channel::State, Format::Postcard).await.unwrap();

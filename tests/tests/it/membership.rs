@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
-use xtb_bus::{Bus, Role};
+use xtb_bus::{Bus, SessionRole};
 use xtb_control::Mode;
 use xtb_protocol::Uuid;
 use xtb_protocol::codec::Format;
@@ -102,7 +102,7 @@ async fn the_second_agent_of_a_name_refuses_to_start() {
 }
 
 pub(crate) async fn router(endpoint: &str) -> Bus {
-    let role = Role::Router { listen: vec![endpoint.to_owned()], connect: Vec::new() };
+    let role = SessionRole::Router { listen: vec![endpoint.to_owned()], connect: Vec::new() };
     eventually("the port", || async { xtb_bus::open(&role).await.ok() }).await
 }
 
@@ -112,7 +112,7 @@ const LATE: &str = "late";
 /// A client that is new each time sees the robot and gets an answer from it.
 async fn works(endpoint: &str) {
     let keys = FleetKeys::new(name(LATE)).robot(&name("xtb-1"));
-    let role = Role::Client { connect: vec![endpoint.to_owned()] };
+    let role = SessionRole::Client { connect: vec![endpoint.to_owned()] };
     eventually("a robot that answers", || async {
         let bus = xtb_bus::open(&role).await.ok()?;
         let within = Duration::from_secs(1);

@@ -5,7 +5,7 @@ use fleet_tests::{eventually, name};
 use robot_agent::realtime::PRIORITY;
 use std::process::Command;
 use std::time::Duration;
-use xtb_bus::Role;
+use xtb_bus::SessionRole;
 use xtb_protocol::keys::FleetKeys;
 use xtb_protocol::messages::{About, REALTIME_OFF, REALTIME_ON};
 
@@ -40,7 +40,7 @@ async fn agent(router: &RouterProcess, flags: &[&str]) -> (Process, About) {
     let mut command = Command::new(program("robot-agent"));
     command.args(["--hardware", "simulated", "--connect", router.endpoint()]).args(flags);
     let process = Process::start(&mut command);
-    let role = Role::Client { connect: vec![router.endpoint().to_owned()] };
+    let role = SessionRole::Client { connect: vec![router.endpoint().to_owned()] };
     let bus = eventually("a session", || async { xtb_bus::open(&role).await.ok() }).await;
     let key = FleetKeys::new(name("lab")).robot(&name("xtb-1")).about();
     let about = eventually("the factsheet", || async {

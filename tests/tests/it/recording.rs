@@ -3,14 +3,14 @@
 use fleet_tests::{Fleet, Setup};
 use mcap::records::MessageHeader;
 use mcap::{MessageStream, WriteOptions};
-use robot_agent::config::Layers;
+use robot_agent::config::SettingLayers;
 use robot_agent::replay::{Comparison, OtherDecision, compare, what_if};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use xtb_control::VehicleConfig;
 use xtb_protocol::messages::{Body, GoalStatus, LinkLoss};
 use xtb_recording::Error;
-use xtb_recording::robot::{Ending, Recording};
+use xtb_recording::robot::{Recording, RecordingEnding};
 
 /// Two robots drive, one to a goal that needs several manoeuvres; their recordings.
 async fn drive(folder: &Path) -> Vec<PathBuf> {
@@ -32,7 +32,7 @@ async fn drive(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn recorded_vehicle(recording: &Recording) -> VehicleConfig {
-    let mut layers = Layers::default();
+    let mut layers = SettingLayers::default();
     layers.file("header", &recording.header().unwrap().vehicle_toml).unwrap();
     layers.finish().unwrap().vehicle
 }
@@ -71,7 +71,7 @@ async fn a_recorded_drive_is_identical_and_shows_what_another_parameter_would_ha
     for file in &files {
         let found = replay(file).unwrap();
         assert!(found.identical && found.samples > 500, "{found:?}");
-        assert_eq!(found.ending, Ending::Complete);
+        assert_eq!(found.ending, RecordingEnding::Complete);
     }
     let other = |change: fn(&mut VehicleConfig)| {
         let mut recording = Recording::open(&files[0]).unwrap();
@@ -131,7 +131,10 @@ async fn a_recording_that_was_cut_anywhere_is_readable_up_to_the_cut() {
         match replay(&cut) {
             Ok(found) => {
                 assert!(found.identical && (before..=samples).contains(&found.samples), "{found:?}");
-                assert!(found.samples == samples || matches!(found.ending, Ending::Cut(_)), "{found:?}");
+                assert!(
+                    found.samples == samples || matches!(found.ending, RecordingEnding::Cut(_)),
+                    "{found:?}"
+                );
                 before = found.samples;
             }
             // So short that not even the header is there.

@@ -9,7 +9,7 @@ use nodes::{Caller, DOMAIN, Talker};
 use rand_core::Rng;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use xtb_bus::Role;
+use xtb_bus::SessionRole;
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::Body;
 use xtb_ros2::cdr::from_bytes;
@@ -40,7 +40,7 @@ async fn peer(router: &str) -> Session {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn two_peers_that_know_only_our_router_hear_each_other() {
-    let role = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+    let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
     let router = xtb_bus::open(&role).await.unwrap();
     let endpoint = router.locators().await.remove(0);
     let (talker, listener) = (peer(&endpoint).await, peer(&endpoint).await);

@@ -4,10 +4,10 @@ use fleet_tests::{eventually, name};
 use std::sync::mpsc;
 use xtb_client::ErrorKind;
 use xtb_sim::fixes::FixTruth;
-use xtb_simulator::{Plan, Simulator};
+use xtb_simulator::{SimulationPlan, Simulator};
 
-fn plan(first: usize, fleet_size: usize, connect: Vec<String>) -> Plan {
-    Plan {
+fn plan(first: usize, fleet_size: usize, connect: Vec<String>) -> SimulationPlan {
+    SimulationPlan {
         fleet: name("lab"),
         robots: 1,
         first,

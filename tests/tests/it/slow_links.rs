@@ -5,7 +5,7 @@ use fleet_tests::slow_verbs::{Ended, SlowFleet};
 use fleet_tests::{PATIENCE, eventually, name};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
-use xtb_bus::{Incoming, Role};
+use xtb_bus::{Incoming, SessionRole};
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{GoalStatus, RobotState};
 
@@ -30,7 +30,7 @@ async fn a_goal_that_a_gap_in_the_network_ended_points_to_the_policy_for_such_ga
     let fleet = SlowFleet::start(2, LinkQuality::default(), 4).await;
     let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<String>>();
     let mut waiting = std::pin::pin!(fleet.run("goto", words("goto xtb-1 0 4 --via direct --wait")));
-    let beside = xtb_bus::open(&Role::Client { connect: vec![fleet.router.clone()] }).await.unwrap();
+    let beside = xtb_bus::open(&SessionRole::Client { connect: vec![fleet.router.clone()] }).await.unwrap();
     let key = FleetKeys::new(name("lab")).robot(&name("xtb-1")).state();
     let status = || async {
         let answers = beside.get(&key, Duration::from_secs(2)).await.unwrap();
@@ -60,11 +60,12 @@ async fn stops_and_commands_overtake_states_that_a_narrow_link_cannot_carry() {
     const BACKLOG: usize = 500;
     /// Two seconds of the link.
     const MOST_BEFORE: usize = 512 * 1024;
-    let router = Role::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+    let router = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
     let router = xtb_bus::open(&router).await.unwrap();
     let endpoint = router.locators().await.remove(0);
     let link = SlowLink::open(&endpoint, LinkQuality::throttled(2_000_000), 5).await;
-    let robot = xtb_bus::open(&Role::Client { connect: vec![link.endpoint().to_owned()] }).await.unwrap();
+    let robot =
+        xtb_bus::open(&SessionRole::Client { connect: vec![link.endpoint().to_owned()] }).await.unwrap();
     let (fleet, client) = (FleetKeys::new(name("lab")), name("lena"));
     let state = fleet.robot(&name("xtb-2")).state();
     let urgent = [

@@ -3,7 +3,7 @@
 use crate::membership::{lone_agent, router};
 use fleet_tests::{Fleet, Pilot, Setup, eventually};
 use std::sync::atomic::{AtomicU32, Ordering};
-use xtb_bus::Role;
+use xtb_bus::SessionRole;
 use xtb_control::{Mode, PwmCount};
 use xtb_protocol::messages::StopReason;
 
@@ -58,7 +58,7 @@ async fn a_lost_session_ends_teleoperation() {
     let router = router("tcp/127.0.0.1:0").await;
     let endpoint = router.locators().await.remove(0);
     let agent = lone_agent(&endpoint, "lost");
-    let bus = xtb_bus::open(&Role::Client { connect: vec![endpoint] }).await.unwrap();
+    let bus = xtb_bus::open(&SessionRole::Client { connect: vec![endpoint] }).await.unwrap();
     let (pilot, puts) = (Pilot::new(&bus, "lost", "xtb-1", "driver").await, AtomicU32::new(0));
     let motor = || agent.motor.load(Ordering::Relaxed);
     let neutral = PwmCount::NEUTRAL.get();

@@ -5,7 +5,7 @@ use fleet_tests::Live;
 use fleet_tests::live::Trouble;
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
-use xtb_chaos::meetings::{Meeting, Setting, Sight};
+use xtb_chaos::meetings::{Meeting, ObservedRobot, Setting};
 use xtb_control::frames::MapPose;
 use xtb_protocol::messages::RouteSource;
 
@@ -21,8 +21,8 @@ async fn two_swap_places_through_a_door_under_traffic_control() {
     let folder = tempfile::tempdir().unwrap();
     let mut live = Live::start(&setting, 1, false, folder.path()).await;
     let mut led = BTreeSet::new();
-    let mut each = |_: &Meeting, sights: &[Sight]| {
-        let by_traffic = |sight: &&Sight| {
+    let mut each = |_: &Meeting, sights: &[ObservedRobot]| {
+        let by_traffic = |sight: &&ObservedRobot| {
             sight.state.nav.route.as_ref().is_some_and(|route| route.source == RouteSource::Traffic)
         };
         led.extend(sights.iter().filter(by_traffic).map(|sight| sight.state.robot.to_string()));

@@ -2,7 +2,7 @@
 
 use super::table::{self, Party, Row, Use};
 use std::collections::{BTreeMap, BTreeSet};
-use xtb_identity::{Entry, Role};
+use xtb_identity::{RegistryEntry, Role};
 use xtb_protocol::keys::{FleetKeys, Kind};
 
 /// What Zenoh's recovery of events adds to their key.
@@ -65,7 +65,7 @@ pub(super) fn recovery(key: &str) -> String {
 }
 
 /// What somebody who takes part in all of these may send and be sent.
-pub(super) fn of_parties(keys: &FleetKeys, parties: &[Party], entry: Option<&Entry>) -> Grants {
+pub(super) fn of_parties(keys: &FleetKeys, parties: &[Party], entry: Option<&RegistryEntry>) -> Grants {
     let mut grants = Grants::new();
     for &kind in Kind::ALL {
         for Row(how, from, to) in table::rows(kind) {
@@ -111,7 +111,7 @@ impl Scope {
         Self { own, called: Vec::new(), put_to_all: false }
     }
 
-    fn of(keys: &FleetKeys, kind: Kind, party: Party, entry: Option<&Entry>) -> Self {
+    fn of(keys: &FleetKeys, kind: Kind, party: Party, entry: Option<&RegistryEntry>) -> Self {
         let any = keys.any_robot();
         let called = if party == Party::Robot { vec![kind.key_expr(keys, &any)] } else { Vec::new() };
         let robot = match entry {
@@ -212,7 +212,7 @@ impl Scope {
 }
 
 /// The client names that stand in the keys of a party that asks or puts.
-fn clients(kind: Kind, party: Party, entry: Option<&Entry>) -> Vec<String> {
+fn clients(kind: Kind, party: Party, entry: Option<&RegistryEntry>) -> Vec<String> {
     let Some(entry) = entry.filter(|_| kind.names_client()) else { return Vec::new() };
     let sessions = |stem: &str| format!("{stem}-$*");
     match party {

@@ -13,7 +13,7 @@
 
 use super::grants::{Flow, Grants, Message, Scope, declarations, recovery};
 use super::table::Use::{Alive, Ask, Event};
-use xtb_identity::{Entry, Role};
+use xtb_identity::{RegistryEntry, Role};
 use xtb_protocol::Name;
 
 /// Where the liveliness tokens of ROS 2's graph are: wildcards of other keys do not meet it.
@@ -30,7 +30,7 @@ pub struct Ros2Domain {
 
 impl Ros2Domain {
     /// Adds what somebody of the registry may do.
-    pub(super) fn grant(&self, entry: &Entry, grants: &mut Grants) {
+    pub(super) fn grant(&self, entry: &RegistryEntry, grants: &mut Grants) {
         let domain = self.domain;
         let keys = |names: &[&str]| names.iter().map(|name| format!("{domain}/{name}")).collect::<Vec<_>>();
         let tokens = |ends: &[&str]| Scope::at(ends.iter().map(|end| self.token(end)).collect());

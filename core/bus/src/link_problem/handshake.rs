@@ -1,6 +1,6 @@
 //! One TLS handshake, and what its end means.
 
-use super::Refusal;
+use super::CertificateRefusal;
 use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -39,7 +39,7 @@ pub(super) enum Handshake {
     /// The server's certificate begins then.
     NotYet(SystemTime),
     /// The server refuses the own certificate, or that there is none.
-    Refused(Refusal),
+    Refused(CertificateRefusal),
     /// The other side does something else.
     NotTls(String),
 }
@@ -68,7 +68,7 @@ pub(super) async fn with(
     };
     let config = match config(party, now) {
         Ok(config) => config,
-        Err(error) => return Handshake::Refused(Refusal::Other(error.to_string())),
+        Err(error) => return Handshake::Refused(CertificateRefusal::Other(error.to_string())),
     };
     let began = Instant::now();
     let connecting = TlsConnector::from(Arc::new(config)).connect(name, stream);
@@ -150,14 +150,14 @@ fn distrusted(reason: &CertificateError) -> Handshake {
 fn refused(alert: AlertDescription) -> Handshake {
     Handshake::Refused(match alert {
         AlertDescription::UnknownCA | AlertDescription::BadCertificate | AlertDescription::DecryptError => {
-            Refusal::OtherCa
+            CertificateRefusal::OtherCa
         }
-        AlertDescription::CertificateExpired => Refusal::Time,
-        AlertDescription::CertificateRevoked => Refusal::Revoked,
+        AlertDescription::CertificateExpired => CertificateRefusal::Time,
+        AlertDescription::CertificateRevoked => CertificateRefusal::Revoked,
         AlertDescription::ProtocolVersion | AlertDescription::HandshakeFailure => {
             return Handshake::NotTls("it does not speak TLS 1.3".to_owned());
         }
-        alert => Refusal::Other(format!("TLS alert {alert:?}")),
+        alert => CertificateRefusal::Other(format!("TLS alert {alert:?}")),
     })
 }
 

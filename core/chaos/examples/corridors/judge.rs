@@ -14,7 +14,7 @@ use xtb_nav::geometry::rect::INFRARED_STOPS_M;
 use xtb_nav::{Car, MapPose};
 use xtb_sim::World;
 use xtb_traffic::solver::{
-    Bounds, Obstacle, Problem, Settings, Solver, Task, Tolerance, Unsolved, obstacles_of,
+    CarTask, FloorBounds, Obstacle, Problem, Solver, SolverSettings, Tolerance, Unsolved, obstacles_of,
 };
 
 /// For one question.
@@ -43,19 +43,19 @@ impl fmt::Display for Verdict {
 
 /// A room as the search sees it.
 pub(crate) struct Judge {
-    bounds: Bounds,
+    bounds: FloorBounds,
     obstacles: Vec<Obstacle>,
     truck: Car,
 }
 
 impl Judge {
     pub(crate) fn new(world: &str) -> Self {
-        let map = World::from_toml(world).unwrap().chart(0.05).unwrap();
+        let map = World::from_toml(world).unwrap().to_map(0.05).unwrap();
         let grid = map.grid();
         let [west_m, south_m] = grid.origin_m();
         let side = grid.resolution_m();
         let (east_m, north_m) = (west_m + side * grid.width() as f64, south_m + side * grid.height() as f64);
-        let bounds = Bounds { west_m, south_m, east_m, north_m };
+        let bounds = FloorBounds { west_m, south_m, east_m, north_m };
         Self { bounds, obstacles: obstacles_of(grid), truck: Car::of(&VehicleConfig::default()) }
     }
 
@@ -110,7 +110,7 @@ impl Judge {
             rear_m: truck.rear_m + INFRARED_STOPS_M,
             ..truck
         };
-        let task = |(index, start): (usize, &MapPose)| Task {
+        let task = |(index, start): (usize, &MapPose)| CarTask {
             name: format!("xtb-{}", index + 1),
             car,
             start: *start,
@@ -128,6 +128,6 @@ impl Judge {
         };
         let end = Instant::now() + WITHIN;
         let mut on_time = || Instant::now() < end;
-        Solver::new(&problem, &mut on_time)?.solve(&Settings::default(), &mut on_time).map(|_| ())
+        Solver::new(&problem, &mut on_time)?.solve(&SolverSettings::default(), &mut on_time).map(|_| ())
     }
 }

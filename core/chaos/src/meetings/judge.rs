@@ -2,12 +2,11 @@
 
 use std::collections::BTreeSet;
 use xtb_control::frames::MapPose;
+use xtb_control::speed::STANDS_MPS;
 use xtb_protocol::messages::{GoalStatus, RobotState, TruthRobot};
 
 /// A truck that has moved so lately is a moving truck, in s.
 const MOVING_S: f64 = 3.0;
-/// Slower than this it stands.
-const STANDS_MPS: f64 = 0.01;
 /// Longest standstill that is not for a named moving truck, in s.
 const STOOD_MAX_S: f64 = 15.0;
 /// Longest standstill, in s.
@@ -65,14 +64,14 @@ fn names(reason: &Option<String>) -> bool {
 
 /// A robot as it truly is, and what it says.
 #[derive(Debug, Clone)]
-pub struct Sight {
+pub struct ObservedRobot {
     /// The truck.
     pub truth: TruthRobot,
     /// Its robot.
     pub state: RobotState,
 }
 
-impl Sight {
+impl ObservedRobot {
     fn is_open(&self) -> bool {
         self.state.goal.as_ref().is_some_and(|goal| !goal.status.is_final())
     }
@@ -147,7 +146,7 @@ impl Judge {
     }
 
     /// Looks at all robots, `passed_s` after the last look. Those whose agents have died are in `dead`.
-    pub fn look(&mut self, passed_s: f64, sights: &[Sight], dead: &BTreeSet<usize>) {
+    pub fn look(&mut self, passed_s: f64, sights: &[ObservedRobot], dead: &BTreeSet<usize>) {
         let made = &mut self.made;
         made.took_s += passed_s;
         made.ends.clear();
@@ -155,7 +154,7 @@ impl Judge {
         let out: Vec<bool> = (0..sights.len()).map(is_out).collect();
         let stood: Vec<f64> = self.seen.iter().map(|one| one.stood_s).collect();
         for (index, (sight, one)) in sights.iter().zip(&mut self.seen).enumerate() {
-            let Sight { truth, state } = sight;
+            let ObservedRobot { truth, state } = sight;
             if truth.contacts > one.contacts {
                 made.contacts += truth.contacts - one.contacts;
                 one.contacts = truth.contacts;
@@ -184,7 +183,7 @@ impl Judge {
 }
 
 /// Whether it waits for somebody who moves, or who waits for somebody who moves.
-fn waits_for_moving(sights: &[Sight], stood: &[f64], out: &[bool], index: usize) -> bool {
+fn waits_for_moving(sights: &[ObservedRobot], stood: &[f64], out: &[bool], index: usize) -> bool {
     let mut at = index;
     for _ in 0..sights.len() {
         let waits_for = sights[at].state.nav.route.as_ref().and_then(|route| route.waits_for.as_ref());

@@ -4,7 +4,9 @@ use super::{Broken, Invariant};
 use crate::time::{Turn, ms};
 use xtb_control::PwmCount;
 use xtb_protocol::messages::Latch;
-use xtb_sim::faults::{DriveFault, EncoderFault, GyroFault, LineFault, RangeFinderFault, SensorFaults};
+use xtb_sim::faults::{
+    DriveFault, EncoderFault, GyroFault, InjectedLineFault, RangeFinderFault, SensorFaults,
+};
 use xtb_sim::receiver::Transmitter;
 
 /// A line without a good frame: 150 ms, plus the longest time between two frames of a kind, doubled.
@@ -44,8 +46,8 @@ const DRIVEN_COUNTS: u16 = 100;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Truth {
     pub(crate) transmitter: Transmitter,
-    pub(crate) board_line: LineFault,
-    pub(crate) gyro_line: LineFault,
+    pub(crate) board_line: InjectedLineFault,
+    pub(crate) gyro_line: InjectedLineFault,
     /// Board and gyro.
     pub(crate) plugged: [bool; 2],
     pub(crate) sensors: SensorFaults,
@@ -65,7 +67,7 @@ impl Truth {
 
     /// Whether all that the board sends reaches the agent.
     fn hears(&self) -> bool {
-        self.reaches() && self.board_line == LineFault::None
+        self.reaches() && self.board_line == InjectedLineFault::None
     }
 }
 
@@ -137,14 +139,19 @@ impl Devices {
 
     /// One turn. What an agent cannot hear it need not obey. `owned`: somebody holds its lease.
     pub(super) fn update(&mut self, now: Turn, truth: &Truth, owned: bool) -> Demand {
-        let frozen = |fault| fault == LineFault::Frozen;
-        let dead = |fault| !matches!(fault, LineFault::None | LineFault::Lossy(_) | LineFault::Frozen);
+        let frozen = |fault| fault == InjectedLineFault::Frozen;
+        let dead = |fault| {
+            !matches!(
+                fault,
+                InjectedLineFault::None | InjectedLineFault::Lossy(_) | InjectedLineFault::Frozen
+            )
+        };
         let board = self.board.update(now, dead(truth.board_line) || !truth.plugged[0]) > LINE;
         // A device that is unplugged repeats nothing: that it does shows some time after it is plugged in.
         let board_repeats = truth.plugged[0] && frozen(truth.board_line);
         let board_frozen = self.board_frozen.update(now, board_repeats) > FROZEN;
         let gyro = self.gyro.update(now, dead(truth.gyro_line) || !truth.plugged[1]) > LINE;
-        let hears_gyro = truth.turned && truth.plugged[1] && truth.gyro_line == LineFault::None;
+        let hears_gyro = truth.turned && truth.plugged[1] && truth.gyro_line == InjectedLineFault::None;
         let gyro_repeats = (truth.plugged[1] && frozen(truth.gyro_line))
             || (hears_gyro && truth.sensors.gyro != GyroFault::None);
         let gyro_frozen = self.gyro_frozen.update(now, gyro_repeats) > FROZEN;
@@ -199,7 +206,7 @@ impl Devices {
             self.manual_last = Some(now);
         }
         // What may have been heard counts: a line that loses some frames brings others.
-        let lossy = matches!(truth.board_line, LineFault::Lossy(_));
+        let lossy = matches!(truth.board_line, InjectedLineFault::Lossy(_));
         let may_be_heard = heard || (on && truth.reaches() && lossy);
         if board_lost {
             self.stick_free = false;

@@ -2,7 +2,7 @@
 //! history. The example `bad_days` runs more of them.
 
 use crate::draw::in_parallel;
-use xtb_chaos::{Options, Report};
+use xtb_chaos::{DayReport, ScenarioOptions};
 use xtb_robot::{Guard, Guards};
 
 /// Days that a run of the tests goes through, unless `XTB_DAYS` says otherwise (CI: 2,500).
@@ -14,8 +14,8 @@ fn days_to_go() -> u64 {
     std::env::var("XTB_DAYS").ok().and_then(|days| days.parse().ok()).unwrap_or(DAYS)
 }
 
-fn day(seed: u64) -> Report {
-    xtb_chaos::run(seed, Options::default()).unwrap()
+fn day(seed: u64) -> DayReport {
+    xtb_chaos::run(seed, ScenarioOptions::default()).unwrap()
 }
 
 #[test]
@@ -24,7 +24,7 @@ fn bad_days_break_no_rule() {
     let reports = in_parallel(0..wanted, day);
     let broken: Vec<_> = reports.iter().filter(|report| report.violation.is_some()).collect();
     assert!(broken.is_empty(), "{} of {wanted} days, the first:\n{}", broken.len(), broken[0]);
-    let mut total = xtb_chaos::Counts::default();
+    let mut total = xtb_chaos::DayCounts::default();
     reports.iter().for_each(|report| total += report.counts);
     // The days are bad, but something happens in them.
     assert!(total.goals > wanted && total.obeyed > 10 * wanted && total.boots > wanted, "{total}");
@@ -52,7 +52,7 @@ fn an_empty_battery_stops_a_robot_whose_clock_has_gone_back() {
 
 #[test]
 fn a_seed_is_one_history_whatever_else_runs() {
-    let alone: Vec<Report> = (0..8).map(day).collect();
+    let alone: Vec<DayReport> = (0..8).map(day).collect();
     assert_eq!(in_parallel(0..8, day), alone);
     let mut hashes: Vec<u64> = alone.iter().map(|report| report.hash).collect();
     hashes.sort_unstable();
@@ -64,7 +64,7 @@ fn a_seed_is_one_history_whatever_else_runs() {
 fn every_rule_that_is_switched_off_is_found_out() {
     let find = |i: u64| {
         let guard = Guard::ALL[i as usize];
-        let options = Options { guards: Guards::without(guard) };
+        let options = ScenarioOptions { guards: Guards::without(guard) };
         let broken = |seed: &u64| xtb_chaos::run(*seed, options).unwrap().violation.is_some();
         (guard, (0..NOTICED).find(broken))
     };

@@ -7,8 +7,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
-use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, HomeRules, MapTravelCost, Record, Settings};
+use xtb_dispatch::dispatcher::DispatcherIdentity;
+use xtb_dispatch::{Dispatcher, DispatcherSettings, Effect, HomeRules, LedgerEntry, MapTravelCost, Record};
 use xtb_nav::Car;
 use xtb_nav::rooms::Draw;
 use xtb_protocol::Name;
@@ -32,7 +32,7 @@ pub(crate) struct Shift {
     pub(crate) drive: Drive,
     ground: MapTravelCost,
     pub(crate) dispatcher: Dispatcher,
-    ledger: Vec<Entry>,
+    ledger: Vec<LedgerEntry>,
     draw: Draw,
     loss: f64,
     /// Dies at each so many writes; every other time after they are durable. 0 = never.
@@ -51,9 +51,9 @@ fn me() -> Name {
     Name::new("dispatch").unwrap()
 }
 
-fn dispatcher(now_ms: u64, run: u64, entries: Vec<Entry>) -> Dispatcher {
-    let identity = Identity { me: me(), ledger: LEDGER, run };
-    Dispatcher::recover(now_ms, identity, Settings::default(), entries).unwrap()
+fn dispatcher(now_ms: u64, run: u64, entries: Vec<LedgerEntry>) -> Dispatcher {
+    let identity = DispatcherIdentity { me: me(), ledger: LEDGER, run };
+    Dispatcher::recover(now_ms, identity, DispatcherSettings::default(), entries).unwrap()
 }
 
 impl Shift {
@@ -66,7 +66,7 @@ impl Shift {
 
     /// These robots, in this world.
     pub(crate) fn of(world: &str, drive: Drive, seed: u64) -> Self {
-        let map = World::from_toml(world).unwrap().chart(0.05).unwrap();
+        let map = World::from_toml(world).unwrap().to_map(0.05).unwrap();
         let mut shift = Self {
             drive,
             ground: MapTravelCost::new(map),

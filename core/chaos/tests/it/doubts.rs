@@ -51,7 +51,7 @@ fn around_a_box(seed: u64, off_m: f64) {
     let thing = format!("{HALL}\n[[boxes]]\nx_m = {x_m}\ny_m = 0.0\nwidth_m = 0.3\ndepth_m = 0.3");
     let world = World::from_toml(&thing).unwrap();
     let mut drive = Drive::of(world, &[STARTS], &TruckParameters::default(), seed);
-    let map = World::from_toml(HALL).unwrap().chart(0.05).unwrap();
+    let map = World::from_toml(HALL).unwrap().to_map(0.05).unwrap();
     drive.lockstep.set_map(&map);
     drive.lockstep.set_traffic(Some(Traffic::new(&map, seed)));
     let end = goes(&mut drive, 0, [STARTS.x_m + 3.0, 0.0]);

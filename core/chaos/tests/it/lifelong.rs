@@ -3,17 +3,16 @@
 
 use crate::draw::Draw;
 use crate::drive::Drive;
+use xtb_control::speed::STANDS_MPS;
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, Map, MapPose};
 use xtb_protocol::messages::{GoalStatus, Outcome, TruthRobot};
 use xtb_sim::lockstep::Traffic;
 use xtb_sim::{VehicleFile, World};
-use xtb_traffic::coordinator::{GridRoom, Room as _};
+use xtb_traffic::coordinator::{GridRoom, RoomGeometry as _};
 
 /// Between two looks, in s.
 const LOOK_S: f64 = 0.2;
-/// Slower than this a robot stands, in m/s.
-const STANDS_MPS: f64 = 0.01;
 /// The middles of two goals, or of two robots at the start, are so far apart at least, in m.
 const APART_M: f64 = 1.0;
 /// Nearer to itself no robot gets a goal, in m.
@@ -70,7 +69,7 @@ impl Fleet {
 
     /// A robot of each of these files, at random places in a room.
     pub(crate) fn of_kinds(world: &str, files: &[VehicleFile], seed: u64, led: bool) -> Self {
-        let map = World::from_toml(world).unwrap().chart(0.05).unwrap();
+        let map = World::from_toml(world).unwrap().to_map(0.05).unwrap();
         let floor = GridRoom::of(&map);
         let mut draw = Draw::new(seed ^ 0x00C0_221D);
         let mut starts: Vec<MapPose> = Vec::new();
@@ -99,7 +98,7 @@ impl Fleet {
 
     fn of_kinds_at(world: &str, starts: &[MapPose], files: &[VehicleFile], seed: u64, led: bool) -> Self {
         let world = World::from_toml(world).unwrap();
-        let map: Map = world.chart(0.05).unwrap();
+        let map: Map = world.to_map(0.05).unwrap();
         let mut drive = Drive::by_files(world, starts, files, seed);
         if led {
             drive.lockstep.set_traffic(Some(Traffic::new(&map, seed)));

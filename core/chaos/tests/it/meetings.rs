@@ -3,7 +3,7 @@
 use crate::drive::Drive;
 use std::collections::BTreeSet;
 pub(crate) use xtb_chaos::meetings::Meeting;
-use xtb_chaos::meetings::{Judge, Setting, Sight};
+use xtb_chaos::meetings::{Judge, ObservedRobot, Setting};
 use xtb_nav::MapPose;
 use xtb_protocol::messages::{Outcome, TruthRobot};
 use xtb_sim::lockstep::Traffic;
@@ -25,7 +25,7 @@ pub(crate) fn fleet(world: &str, starts: &[MapPose], seed: u64) -> Drive {
 /// The same with other trucks.
 pub(crate) fn fleet_of(world: &str, starts: &[MapPose], truck: &TruckParameters, seed: u64) -> Drive {
     let world = World::from_toml(world).unwrap();
-    let map = world.chart(0.05).unwrap();
+    let map = world.to_map(0.05).unwrap();
     let mut drive = Drive::of(world, starts, truck, seed);
     drive.lockstep.set_traffic(Some(Traffic::new(&map, seed)));
     drive
@@ -59,9 +59,11 @@ pub(crate) fn meet(
     witness.into_made()
 }
 
-fn sights(drive: &mut Drive, robots: usize) -> Vec<Sight> {
-    let sight =
-        |index: usize| Sight { truth: truth(drive, index), state: drive.lockstep.state(index).unwrap() };
+fn sights(drive: &mut Drive, robots: usize) -> Vec<ObservedRobot> {
+    let sight = |index: usize| ObservedRobot {
+        truth: truth(drive, index),
+        state: drive.lockstep.state(index).unwrap(),
+    };
     (0..robots).map(sight).collect()
 }
 

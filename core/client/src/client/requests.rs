@@ -8,7 +8,7 @@ use xtb_bus::BusError;
 use xtb_identity::Action;
 use xtb_protocol::messages::{Body, Done, Message, Outcome, RejectCode, Reply, Request};
 use xtb_protocol::{Name, Uuid};
-use xtb_robot::operator::{Operator, Step};
+use xtb_robot::operator::{CallStep, Operator};
 
 /// The same request on its way at most so often; its answers are not waited for one by one.
 const IN_FLIGHT: usize = 32;
@@ -60,15 +60,15 @@ impl Client {
         let (mut turned_away, mut asking) = (0, JoinSet::new());
         loop {
             let until = match call.step(self.now()) {
-                Step::Ask(request) => {
+                CallStep::Ask(request) => {
                     if asking.len() < IN_FLIGHT {
                         let left = Duration::from_nanos(give_up.ns().saturating_sub(self.now().ns()));
                         asking.spawn(self.clone().ask_once(robot.clone(), request, left, linger));
                     }
                     continue;
                 }
-                Step::Wait(until) => until,
-                Step::GiveUp { asked } => {
+                CallStep::Wait(until) => until,
+                CallStep::GiveUp { asked } => {
                     let error = self.no_answer(robot, patience, asked, turned_away);
                     return Err(self.explained(error).await);
                 }

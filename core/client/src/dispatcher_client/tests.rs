@@ -1,7 +1,7 @@
 //! Questions to a dispatcher that a test plays.
 
 use super::*;
-use crate::fake::{FakeDispatcher, Told, task};
+use crate::fake::{FakeDispatcher, FakeDispatcherState, task};
 use std::sync::Mutex;
 use xtb_bus::Question;
 use xtb_protocol::messages::TaskState;
@@ -27,7 +27,11 @@ async fn a_submission_is_asked_again_with_its_id_until_it_is_taken() {
     let client = client().await;
     let answers =
         [Some(error(DispatchCode::Overloaded)), Some(DispatchOutcome::Submitted(vec![TaskId::new(17)]))];
-    let fake = FakeDispatcher::start(&client, Told { answers: answers.into(), ..Told::default() }).await;
+    let fake = FakeDispatcher::start(
+        &client,
+        FakeDispatcherState { answers: answers.into(), ..FakeDispatcherState::default() },
+    )
+    .await;
     let taken = patient(&client, Duration::from_secs(30)).submit(one()).await.unwrap();
     assert_eq!(taken.tasks, [TaskId::new(17)]);
     let asked = fake.told.lock().unwrap().asked.clone();
@@ -43,7 +47,11 @@ async fn a_dispatcher_that_is_just_starting_is_waited_for() {
     let starting = async {
         // It asks at once, and nobody is there.
         assert!(!dispatching.is_there().await);
-        FakeDispatcher::start(&client, Told { answers: answers.into(), ..Told::default() }).await
+        FakeDispatcher::start(
+            &client,
+            FakeDispatcherState { answers: answers.into(), ..FakeDispatcherState::default() },
+        )
+        .await
     };
     let (taken, _fake) = tokio::join!(dispatching.submit(one()), starting);
     assert_eq!(taken.unwrap().tasks, [TaskId::new(1)]);
@@ -62,7 +70,7 @@ async fn without_a_dispatcher_the_error_says_how_to_start_one() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_dispatcher_that_is_there_and_silent_leaves_the_outcome_unknown() {
     let client = client().await;
-    let _fake = FakeDispatcher::start(&client, Told::default()).await;
+    let _fake = FakeDispatcher::start(&client, FakeDispatcherState::default()).await;
     let failure = patient(&client, Duration::from_millis(1)).submit(one()).await.unwrap_err();
     assert_eq!(failure.kind, ErrorKind::OutcomeUnknown);
     assert!(failure.hint.contains("fleet-cli tasks"), "{}", failure.hint);
@@ -86,7 +94,10 @@ async fn a_submission_that_somebody_took_and_nobody_answered_may_have_been_submi
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_submission_that_was_turned_away_once_and_then_not_answered_may_have_been_submitted() {
     let client = client().await;
-    let told = Told { answers: [Some(error(DispatchCode::Overloaded))].into(), ..Told::default() };
+    let told = FakeDispatcherState {
+        answers: [Some(error(DispatchCode::Overloaded))].into(),
+        ..FakeDispatcherState::default()
+    };
     let fake = FakeDispatcher::start(&client, told).await;
     let failure = patient(&client, Duration::from_secs(1)).submit(one()).await.unwrap_err();
     assert_eq!(failure.kind, ErrorKind::OutcomeUnknown);
@@ -97,7 +108,11 @@ async fn a_submission_that_was_turned_away_once_and_then_not_answered_may_have_b
 async fn a_refusal_is_final_and_keeps_its_hint() {
     let client = client().await;
     let answers = [Some(error(DispatchCode::KeepOut))];
-    let fake = FakeDispatcher::start(&client, Told { answers: answers.into(), ..Told::default() }).await;
+    let fake = FakeDispatcher::start(
+        &client,
+        FakeDispatcherState { answers: answers.into(), ..FakeDispatcherState::default() },
+    )
+    .await;
     let failure = patient(&client, Duration::from_secs(30)).submit(one()).await.unwrap_err();
     assert_eq!(failure.kind, ErrorKind::NotDispatched(DispatchCode::KeepOut));
     assert_eq!((failure.message.as_str(), failure.hint.as_str()), ("so it is", "do this"));
@@ -145,7 +160,7 @@ async fn a_dispatcher_of_the_version_before_is_asked_in_its_version_unless_that_
 async fn a_list_of_many_pages_is_put_together() {
     let client = client().await;
     let tasks: Vec<_> = (1..=7).map(|number| task(number, TaskState::Queued)).collect();
-    let told = Told { tasks: tasks.clone(), page: Some(2), ..Told::default() };
+    let told = FakeDispatcherState { tasks: tasks.clone(), page: Some(2), ..FakeDispatcherState::default() };
     let _fake = FakeDispatcher::start(&client, told).await;
     let list = patient(&client, Duration::ZERO).list().await.unwrap();
     assert_eq!((list.tasks, list.left_out), (tasks, 0));
@@ -155,7 +170,7 @@ async fn a_list_of_many_pages_is_put_together() {
 async fn a_dispatcher_whose_pages_never_end_is_not_asked_for_ever() {
     let client = client().await;
     let tasks = vec![task(1, TaskState::Queued)];
-    let told = Told { tasks, page: Some(0), ..Told::default() };
+    let told = FakeDispatcherState { tasks, page: Some(0), ..FakeDispatcherState::default() };
     let _fake = FakeDispatcher::start(&client, told).await;
     let failure = patient(&client, Duration::ZERO).list().await.unwrap_err();
     assert!(failure.message.contains("an empty page"), "{failure}");

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::mpsc;
-use xtb_bus::{Question, Service, Token};
+use xtb_bus::{PresenceToken, Question, Service};
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{
@@ -15,7 +15,7 @@ use xtb_protocol::messages::{
 
 /// What it knows, and what it was asked.
 #[derive(Debug, Default)]
-pub struct Told {
+pub struct FakeDispatcherState {
     /// Answers to commands in their order; `None` = silence. `show` is answered from `tasks`.
     pub answers: VecDeque<Option<DispatchOutcome>>,
     pub tasks: Vec<TaskView>,
@@ -27,14 +27,14 @@ pub struct Told {
 
 /// The dispatcher, for as long as it is held.
 pub struct FakeDispatcher {
-    pub told: Arc<Mutex<Told>>,
+    pub told: Arc<Mutex<FakeDispatcherState>>,
     _services: Vec<Service>,
     answering: tokio::task::JoinHandle<()>,
-    _alive: Token,
+    _alive: PresenceToken,
 }
 
 impl FakeDispatcher {
-    pub async fn start(client: &Client, told: Told) -> Self {
+    pub async fn start(client: &Client, told: FakeDispatcherState) -> Self {
         let (bus, keys) = (client.bus(), client.keys().clone());
         let told = Arc::new(Mutex::new(told));
         let (sender, mut questions) = mpsc::unbounded_channel::<Question>();
@@ -67,7 +67,7 @@ impl FakeDispatcher {
     }
 
     /// Once what a test waits for is so.
-    pub async fn until(&self, so: impl Fn(&Told) -> bool) {
+    pub async fn until(&self, so: impl Fn(&FakeDispatcherState) -> bool) {
         let mut look = tokio::time::interval(Duration::from_millis(5));
         while !so(&self.told.lock().unwrap()) {
             look.tick().await;
@@ -75,7 +75,7 @@ impl FakeDispatcher {
     }
 }
 
-impl Told {
+impl FakeDispatcherState {
     /// A page of them.
     fn list(&self, after: Option<&str>) -> TaskList {
         let after = after.map_or(0, |after| after.parse::<TaskId>().unwrap().number());

@@ -11,7 +11,7 @@ const REASON_WITHIN: Duration = Duration::from_millis(500);
 
 /// How a goal ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct GoalEnd {
+pub struct GoalOutcome {
     /// As what.
     pub status: GoalStatus,
     /// Why, as far as the robot said.
@@ -31,7 +31,7 @@ pub(super) struct Follow {
     /// As the state shows it, and since when.
     shown: Option<(Duration, GoalStatus)>,
     /// As the event says.
-    told: Option<GoalEnd>,
+    told: Option<GoalOutcome>,
 }
 
 impl Follow {
@@ -81,18 +81,18 @@ impl Follow {
             && *id == self.goal
             && status.is_final()
         {
-            self.told = Some(GoalEnd { status: *status, reason: reason.clone() });
+            self.told = Some(GoalOutcome { status: *status, reason: reason.clone() });
         }
     }
 
     /// How the goal ended, once that is certain.
-    pub(super) fn ended(&self, since: Duration) -> Option<GoalEnd> {
+    pub(super) fn ended(&self, since: Duration) -> Option<GoalOutcome> {
         if self.told.is_some() {
             return self.told.clone();
         }
         let (at, status) = self.shown?;
         let complete = status == GoalStatus::Reached || since >= at + REASON_WITHIN;
-        complete.then_some(GoalEnd { status, reason: None })
+        complete.then_some(GoalOutcome { status, reason: None })
     }
 }
 

@@ -9,7 +9,7 @@ use xtb_protocol::messages::{About, Sensors};
 
 /// A car as it is drawn. Lengths in m, from the pose.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Body {
+pub struct CarBody {
     /// Bumper to bumper.
     pub length_m: f64,
     /// Tyre to tyre.
@@ -42,14 +42,14 @@ impl Beam {
     }
 }
 
-impl Default for Body {
+impl Default for CarBody {
     /// An XTB's: drawn of a robot that has not said what car it is.
     fn default() -> Self {
         Self::of(&VehicleConfig::default())
     }
 }
 
-impl Body {
+impl CarBody {
     /// Of a car with these settings.
     #[must_use]
     pub fn of(vehicle: &VehicleConfig) -> Self {
@@ -135,8 +135,8 @@ mod tests {
     #[test]
     fn a_factsheet_says_where_the_body_lies_and_the_beams_begin() {
         let vehicle = car();
-        let body = Body::of_about(&about(&vehicle));
-        assert_eq!(body, Body::of(&vehicle));
+        let body = CarBody::of_about(&about(&vehicle));
+        assert_eq!(body, CarBody::of(&vehicle));
         let middle_m = vehicle.geometry.wheelbase_m / 2.0 + 0.02;
         assert!((body.ahead_m - middle_m).abs() < 1e-12, "{body:?}");
         let (ahead_m, left_m) = body.front[0].at_cm(20.0);
@@ -155,8 +155,8 @@ mod tests {
         for (name, value) in [("range_finders.front", "[{ left_m = 9.0 }]"), ("range_finders.rear", "]")] {
             about.vehicle.iter_mut().find(|info| info.name == name).unwrap().value = value.to_owned();
         }
-        assert_eq!(Body::of_about(&about).front.len(), 6);
+        assert_eq!(CarBody::of_about(&about).front.len(), 6);
         about.vehicle.clear();
-        assert_eq!(Body::of_about(&about), Body::default());
+        assert_eq!(CarBody::of_about(&about), CarBody::default());
     }
 }

@@ -1,6 +1,6 @@
 //! Event lists for people: all events of one goal, or of one task, are one line; the events themselves are its details.
 
-use super::{SceneEvent, What};
+use super::{SceneChange, SceneEvent};
 use crate::text::{event, reasons};
 use std::collections::BTreeMap;
 use xtb_control::Mode;
@@ -9,12 +9,12 @@ use xtb_protocol::{Name, Uuid};
 
 /// One line of an event list.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Entry<'a> {
+pub struct EventEntry<'a> {
     /// What it is made of, oldest first; never empty.
     pub events: Vec<&'a SceneEvent>,
 }
 
-impl Entry<'_> {
+impl EventEntry<'_> {
     /// The event that says how it stands: the last one of its goal, else the last one.
     #[must_use]
     pub fn head(&self) -> Option<&SceneEvent> {
@@ -32,7 +32,7 @@ impl Entry<'_> {
     #[must_use]
     pub fn drive(&self) -> Option<String> {
         let head = self.head().filter(|_| self.is_folded())?;
-        let What::Robot(last) = &head.what else { return None };
+        let SceneChange::Robot(last) = &head.what else { return None };
         let (_, status, reason) = goal_of(&head.what)?;
         let goals: Vec<&Event> = self.events.iter().filter_map(|event| goal_event(&event.what)).collect();
         let took_s = match (goals.first(), status.is_final()) {
@@ -59,11 +59,13 @@ impl Entry<'_> {
 
 /// One event in words.
 #[must_use]
-pub fn words(what: &What) -> String {
+pub fn words(what: &SceneChange) -> String {
     match what {
-        What::Robot(robot) => event::robot(robot),
-        What::Task(task) => event::task(task),
-        What::Presence { robot, key, there } => event::presence(&event::service(robot.as_ref(), key), *there),
+        SceneChange::Robot(robot) => event::robot(robot),
+        SceneChange::Task(task) => event::task(task),
+        SceneChange::Presence { robot, key, there } => {
+            event::presence(&event::service(robot.as_ref(), key), *there)
+        }
     }
 }
 
@@ -71,14 +73,14 @@ fn is_blocked(event: &Event) -> bool {
     matches!(event.kind, EventKind::Goal { status: GoalStatus::Blocked, .. })
 }
 
-fn goal_event(what: &What) -> Option<&Event> {
+fn goal_event(what: &SceneChange) -> Option<&Event> {
     match what {
-        What::Robot(event) if matches!(event.kind, EventKind::Goal { .. }) => Some(event),
+        SceneChange::Robot(event) if matches!(event.kind, EventKind::Goal { .. }) => Some(event),
         _ => None,
     }
 }
 
-fn goal_of(what: &What) -> Option<(Uuid, GoalStatus, Option<&str>)> {
+fn goal_of(what: &SceneChange) -> Option<(Uuid, GoalStatus, Option<&str>)> {
     match &goal_event(what)?.kind {
         EventKind::Goal { id, status, reason } => Some((*id, *status, reason.as_deref())),
         _ => None,
@@ -88,7 +90,7 @@ fn goal_of(what: &What) -> Option<(Uuid, GoalStatus, Option<&str>)> {
 /// Where the events of each robot's present goal and of each task are.
 #[derive(Default)]
 struct Fold<'a> {
-    entries: Vec<Entry<'a>>,
+    entries: Vec<EventEntry<'a>>,
     drives: BTreeMap<&'a Name, (usize, Uuid, bool)>,
     /// What a robot's next goal begins with: its last line, if that is a change of mode or control.
     begins: BTreeMap<&'a Name, usize>,
@@ -97,7 +99,7 @@ struct Fold<'a> {
 
 impl<'a> Fold<'a> {
     fn new_entry(&mut self, event: &'a SceneEvent) -> usize {
-        self.entries.push(Entry { events: vec![event] });
+        self.entries.push(EventEntry { events: vec![event] });
         self.entries.len() - 1
     }
 
@@ -113,12 +115,12 @@ impl<'a> Fold<'a> {
 
     fn take(&mut self, event: &'a SceneEvent) {
         match &event.what {
-            What::Task(task) => {
+            SceneChange::Task(task) => {
                 let at = self.add(self.tasks.get(&task.task).copied(), event);
                 self.tasks.insert(task.task, at);
             }
-            What::Robot(of) => self.robot(of, event),
-            What::Presence { .. } => {
+            SceneChange::Robot(of) => self.robot(of, event),
+            SceneChange::Presence { .. } => {
                 self.new_entry(event);
             }
         }
@@ -156,7 +158,7 @@ impl<'a> Fold<'a> {
 
 /// Folds events that come oldest first; the line whose last event is the newest comes last.
 #[must_use]
-pub fn fold<'a>(events: impl IntoIterator<Item = &'a SceneEvent>) -> Vec<Entry<'a>> {
+pub fn fold<'a>(events: impl IntoIterator<Item = &'a SceneEvent>) -> Vec<EventEntry<'a>> {
     let mut fold = Fold::default();
     for event in events {
         fold.take(event);
@@ -173,7 +175,7 @@ mod tests {
 
     fn events(kinds: impl IntoIterator<Item = (&'static str, u64, EventKind)>) -> Vec<SceneEvent> {
         let event = |(number, (robot, tick_ms, kind)): (u64, (&str, u64, EventKind))| {
-            let what = What::Robot(Event { robot: name(robot), epoch: 1, seq: number, tick_ms, kind });
+            let what = SceneChange::Robot(Event { robot: name(robot), epoch: 1, seq: number, tick_ms, kind });
             SceneEvent { number, at_ms: tick_ms, what }
         };
         (1..).zip(kinds).map(event).collect()
@@ -208,7 +210,7 @@ mod tests {
             ("xtb-1", 20_000, goal(3, Accepted, None)),
         ]);
         let lines = fold(&all);
-        let texts: Vec<String> = lines.iter().map(Entry::text).collect();
+        let texts: Vec<String> = lines.iter().map(EventEntry::text).collect();
         assert_eq!(
             texts,
             ["xtb-2 goal accepted", "xtb-1 drive reached after 12 s, blocked once", "xtb-1 goal accepted"]
@@ -228,7 +230,7 @@ mod tests {
             ("xtb-1", 1_000, goal(1, GoalStatus::Failed, Some("emergency stop"))),
             ("xtb-1", 2_000, lease(Some("bob"))),
         ]);
-        let texts: Vec<String> = fold(&all).iter().map(Entry::text).collect();
+        let texts: Vec<String> = fold(&all).iter().map(EventEntry::text).collect();
         assert_eq!(
             texts,
             [

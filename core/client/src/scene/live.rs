@@ -25,7 +25,7 @@ pub struct Wanted {
 
 /// A scene that others write and screens read.
 #[derive(Debug)]
-pub struct Shared {
+pub struct SharedScene {
     scene: Mutex<Scene>,
     clock: Clock,
     unreadable: AtomicU64,
@@ -41,7 +41,7 @@ enum Clock {
     Set(AtomicU64),
 }
 
-impl Shared {
+impl SharedScene {
     /// A scene whose clock begins now.
     #[must_use]
     pub fn new(scene: Scene) -> Self {
@@ -117,7 +117,7 @@ impl Shared {
 /// A live scene, until it is dropped.
 pub struct Live {
     /// What is known.
-    pub scene: Arc<Shared>,
+    pub scene: Arc<SharedScene>,
     _sources: Subscriptions,
     asking: JoinHandle<()>,
 }
@@ -137,7 +137,7 @@ impl Live {
         let mut scene = Scene::new(client.fleet().clone());
         scene.set_aliases(client.settings().aliases.clone());
         client.told_entries(&[]).into_iter().for_each(|entry| scene.expect(entry));
-        let scene = Arc::new(Shared::new(scene));
+        let scene = Arc::new(SharedScene::new(scene));
         let into = Arc::clone(&scene);
         let (come, comers) = mpsc::channel(MOST_ROBOTS);
         let inlet: Inlet = Arc::new(move |item| {
@@ -172,7 +172,7 @@ impl Live {
 }
 
 /// Who comes, or comes again, is asked for its factsheet: that is not published.
-async fn ask_factsheets(client: Client, scene: Arc<Shared>, mut comers: mpsc::Receiver<Name>) {
+async fn ask_factsheets(client: Client, scene: Arc<SharedScene>, mut comers: mpsc::Receiver<Name>) {
     while let Some(robot) = comers.recv().await {
         match client.get(&client.keys().robot(&robot).about()).await {
             Ok(answers) => answers.into_iter().for_each(|answer| scene.put(&Item::Message(answer))),

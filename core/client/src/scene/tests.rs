@@ -49,7 +49,7 @@ fn presence_that_did_not_change_is_no_happening() {
         .happenings()
         .iter()
         .map(|happening| match &happening.what {
-            What::Presence { key, there, .. } => (key.as_str(), *there),
+            SceneChange::Presence { key, there, .. } => (key.as_str(), *there),
             other => panic!("{other:?}"),
         })
         .collect();
@@ -92,5 +92,5 @@ fn the_roster_makes_rows_for_those_who_are_missing() {
     assert_eq!(kept.tags, ["red"]);
     let truth = Truth { t_s: 1.0, robots: BTreeMap::new() };
     scene.take(5, &key("xtb/lab/sim/truth"), truth.clone().into());
-    assert_eq!(scene.truth(), Some(&Seen { at_ms: 5, value: truth }));
+    assert_eq!(scene.truth(), Some(&Received { at_ms: 5, value: truth }));
 }

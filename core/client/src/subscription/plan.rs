@@ -29,7 +29,7 @@ const PUBLISHED: [&str; 9] = [
 
 /// How to watch an expression.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Plan {
+pub enum WatchPlan {
     /// Presence comes and goes.
     Presence,
     /// The last events, then each new one.
@@ -45,7 +45,7 @@ pub enum Plan {
     },
 }
 
-impl Plan {
+impl WatchPlan {
     /// The plan for an expression. One that is not valid, or that names none of our keys, is
     /// subscribed to as it is: Zenoh then says what is wrong with it.
     ///
@@ -112,7 +112,7 @@ const UNGUARDED: [&str; 9] = [
     any::DISPATCH_HOMES,
 ];
 
-impl Plan {
+impl WatchPlan {
     /// The same channel by channel, and without what is published in JSON too. Of this fleet: what a router with
     /// identities passes on; it drops a subscription to more than its rules allow, and does not narrow it. `None`: of
     /// any, without identities. Empty: nothing can be seen there.
@@ -213,29 +213,29 @@ fn before<'a>(first: &'a str, mut chunks: Vec<&'a str>) -> Vec<&'a str> {
 mod tests {
     use super::*;
 
-    fn answers(ask: &[&str]) -> Plan {
-        Plan::Answers(ask.iter().map(ToString::to_string).collect())
+    fn answers(ask: &[&str]) -> WatchPlan {
+        WatchPlan::Answers(ask.iter().map(ToString::to_string).collect())
     }
 
-    fn messages(ask: &[&str], presence: &[&str]) -> Plan {
+    fn messages(ask: &[&str], presence: &[&str]) -> WatchPlan {
         let own = |texts: &[&str]| texts.iter().map(ToString::to_string).collect();
-        Plan::Messages { ask: own(ask), presence: own(presence) }
+        WatchPlan::Messages { ask: own(ask), presence: own(presence) }
     }
 
     #[test]
     fn each_kind_of_key_is_watched_in_its_own_way() {
         for (expression, plan) in [
-            ("xtb/lab/*/alive", Plan::Presence),
-            ("xtb/**/alive", Plan::Presence),
-            ("xtb/lab/xtb-1/event", Plan::Events),
-            ("**/event", Plan::Events),
+            ("xtb/lab/*/alive", WatchPlan::Presence),
+            ("xtb/**/alive", WatchPlan::Presence),
+            ("xtb/lab/xtb-1/event", WatchPlan::Events),
+            ("**/event", WatchPlan::Events),
             ("xtb/lab/*/about", answers(&["xtb/lab/*/about"])),
             ("xtb/**/about", answers(&["xtb/*/*/about"])),
             ("xtb/lab/sim/roster", answers(&["xtb/lab/sim/roster"])),
             ("xtb/lab/*/state", messages(&["xtb/lab/*/state"], &[])),
             ("xtb/lab/*/sensors", messages(&[], &[])),
             ("xtb/lab/*/state/json", messages(&[], &[])),
-            ("xtb/lab/xtb-1/event/json", Plan::Events),
+            ("xtb/lab/xtb-1/event/json", WatchPlan::Events),
             ("xtb/lab/sim/truth", messages(&[], &[])),
             ("xtb/lab/*/teleop/*", messages(&[], &[])),
             ("xtb/lab/map", messages(&["xtb/lab/map"], &[])),
@@ -243,41 +243,41 @@ mod tests {
             ("xtb/lab/dispatch/alerts", messages(&["xtb/lab/dispatch/alerts"], &[])),
             ("ros/**", messages(&[], &[])),
         ] {
-            assert_eq!(Plan::of(expression), Ok(plan), "{expression}");
+            assert_eq!(WatchPlan::of(expression), Ok(plan), "{expression}");
         }
     }
 
     #[test]
     fn a_wide_expression_never_asks_commands() {
         let all = ["xtb/*/*/state", "xtb/*/*/about", "xtb/*/sim/roster"];
-        assert_eq!(Plan::of("xtb/**"), Ok(messages(&all, &["xtb/*/*/alive"])));
+        assert_eq!(WatchPlan::of("xtb/**"), Ok(messages(&all, &["xtb/*/*/alive"])));
         let one = ["xtb/lab/xtb-1/state", "xtb/lab/xtb-1/about"];
-        assert_eq!(Plan::of("xtb/lab/xtb-1/**"), Ok(messages(&one, &["xtb/lab/xtb-1/alive"])));
-        assert_eq!(Plan::of("xtb/lab/*/s$*"), Ok(messages(&["xtb/lab/*/state"], &[])));
+        assert_eq!(WatchPlan::of("xtb/lab/xtb-1/**"), Ok(messages(&one, &["xtb/lab/xtb-1/alive"])));
+        assert_eq!(WatchPlan::of("xtb/lab/*/s$*"), Ok(messages(&["xtb/lab/*/state"], &[])));
     }
 
     #[test]
     fn with_an_identity_each_channel_is_subscribed_by_itself() {
         let fleet = crate::fake::name("lab");
         let fleet = Some(&fleet);
-        let parts = |expression: &str| Plan::of(expression).unwrap().by_channel(expression, fleet);
+        let parts = |expression: &str| WatchPlan::of(expression).unwrap().by_channel(expression, fleet);
         let heard: Vec<String> = HEARD.iter().map(|pattern| within(pattern, fleet)).collect();
         for wide in ["xtb/**", "**", "xtb/lab/**"] {
             let found = parts(wide);
             let messages: Vec<_> = found
                 .iter()
-                .filter(|(_, plan)| matches!(plan, Plan::Messages { .. }))
+                .filter(|(_, plan)| matches!(plan, WatchPlan::Messages { .. }))
                 .map(|(key, _)| key.clone())
                 .collect();
             assert_eq!(messages, heard, "{wide}");
-            assert!(found.contains(&("xtb/lab/*/alive".into(), Plan::Presence)), "{wide}");
+            assert!(found.contains(&("xtb/lab/*/alive".into(), WatchPlan::Presence)), "{wide}");
             let ask = answers(&["xtb/lab/*/state", "xtb/lab/*/about", "xtb/lab/sim/roster"]);
             assert!(found.contains(&(wide.to_owned(), ask)), "{found:?}");
         }
-        let one = |key: &str, plan: Plan| vec![(key.to_owned(), plan)];
-        assert_eq!(parts("xtb/**/event"), one("xtb/lab/*/event", Plan::Events));
+        let one = |key: &str, plan: WatchPlan| vec![(key.to_owned(), plan)];
+        assert_eq!(parts("xtb/**/event"), one("xtb/lab/*/event", WatchPlan::Events));
         assert_eq!(parts("xtb/*/*/about"), one("xtb/*/*/about", answers(&["xtb/lab/*/about"])));
-        assert_eq!(parts("xtb/lab/dispatch/event"), one("xtb/lab/dispatch/event", Plan::Events));
+        assert_eq!(parts("xtb/lab/dispatch/event"), one("xtb/lab/dispatch/event", WatchPlan::Events));
         assert_eq!(parts("xtb/lab/traffic/state")[0].0, "xtb/lab/traffic/state");
         for hidden in ["ros/**", "xtb/home/*/state", "xtb/lab/*/teleop/*", "xtb/home/*/about"] {
             assert_eq!(parts(hidden), [], "{hidden}");
@@ -286,8 +286,9 @@ mod tests {
 
     #[test]
     fn a_recorder_hears_each_channel_of_any_fleet_and_nothing_twice() {
-        let parts = |expression: &str| Plan::of(expression).unwrap().by_channel(expression, None);
-        let subscribed = parts("xtb/**").into_iter().filter(|(_, plan)| !matches!(plan, Plan::Answers(_)));
+        let parts = |expression: &str| WatchPlan::of(expression).unwrap().by_channel(expression, None);
+        let subscribed =
+            parts("xtb/**").into_iter().filter(|(_, plan)| !matches!(plan, WatchPlan::Answers(_)));
         let keys: Vec<String> = subscribed.map(|(key, _)| key).collect();
         for key in HEARD.iter().chain(&UNGUARDED).chain(&[any::ALIVE]) {
             assert!(keys.contains(&(*key).to_owned()), "{key} is missing in {keys:?}");
@@ -302,12 +303,12 @@ mod tests {
         for expression in
             ["xtb/lab/xtb-1/cmd/*", "xtb/lab/*/cmd/me", "xtb/*/*/cmd/**", "xtb/lab/xtb-1/cmd/about"]
         {
-            let failure = Plan::of(expression).unwrap_err();
+            let failure = WatchPlan::of(expression).unwrap_err();
             assert_eq!(failure.kind, ErrorKind::Invalid, "{expression}");
             assert!(failure.hint.contains("event"), "{failure}");
         }
         // A robot may be called so.
-        assert_eq!(Plan::of("xtb/lab/cmd/event"), Ok(Plan::Events));
+        assert_eq!(WatchPlan::of("xtb/lab/cmd/event"), Ok(WatchPlan::Events));
     }
 
     #[test]

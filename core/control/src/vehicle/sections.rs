@@ -2,7 +2,7 @@
 
 use super::{BumperFinders, GotoLaw};
 use crate::config::Allowed::{OneOf, Range, Switch, Text};
-use crate::config::Origin::{Assumed, DataSheet, Ours, Printed};
+use crate::config::DefaultOrigin::{Assumed, DataSheet, Ours, Printed};
 use crate::config_section;
 use crate::units::WheelRpm;
 

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use xtb_control::config::{Allowed, Parameter};
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
-use xtb_control::goto::Goal;
+use xtb_control::goto::GotoGoal;
 use xtb_control::units::Stamp;
 use xtb_control::vehicle::{
     BatteryLevels, Calibration, Encoder, Infrared, Obstacle, Pistons, Remote, VehicleConfig,
@@ -48,9 +48,9 @@ pub(crate) fn remote_sample() -> impl Strategy<Value = RemoteSample> {
     })
 }
 
-pub(crate) fn goal() -> impl Strategy<Value = Goal> {
+pub(crate) fn goal() -> impl Strategy<Value = GotoGoal> {
     let metres = || prop_oneof![4 => -5.0..=5.0, 1 => -1.0e4..=1.0e4, 1 => Just(0.0)];
-    (metres(), metres()).prop_map(|(x_m, y_m)| Goal::new(x_m, y_m).unwrap())
+    (metres(), metres()).prop_map(|(x_m, y_m)| GotoGoal::new(x_m, y_m).unwrap())
 }
 
 pub(crate) fn teleop(rpm: f64, steering: f64) -> Command {

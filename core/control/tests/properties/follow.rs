@@ -79,7 +79,7 @@ fn a_new_speed_of_the_same_sign_keeps_the_speed_controllers_sum() {
 #[test]
 fn it_takes_over_from_a_goal_of_table_4() {
     let mut controller = Controller::new(VehicleConfig::default());
-    let goal = xtb_control::goto::Goal::new(1.0, 2.0).unwrap();
+    let goal = xtb_control::goto::GotoGoal::new(1.0, 2.0).unwrap();
     controller.step(Stamp::ZERO, &Sample::Command(Command::Goto(goal)));
     let gyro = Sample::Gyro(GyroSample { roll: 0, pitch: 0, yaw: 0 });
     assert!(controller.step(Stamp::ZERO, &gyro).goto.is_some());

@@ -3,7 +3,7 @@
 use crate::any::{config, goal};
 use proptest::collection::vec;
 use proptest::prelude::*;
-use xtb_control::goto::{Goal, GotoCommand, GotoDecision, GotoStage, Maneuver};
+use xtb_control::goto::{GotoCommand, GotoDecision, GotoGoal, GotoStage, Maneuver};
 use xtb_control::odometry::OdomPose;
 use xtb_control::units::Heading;
 use xtb_control::vehicle::{Goto, GotoLaw};
@@ -18,7 +18,7 @@ fn decide(config: &Goto, gamma_deg: f64) -> (GotoDecision, GotoCommand) {
 }
 
 fn north() -> GotoStage {
-    GotoStage::new(Goal::new(0.0, 2.0).unwrap())
+    GotoStage::new(GotoGoal::new(0.0, 2.0).unwrap())
 }
 
 fn step(stage: &mut GotoStage, config: &Goto, gamma_deg: f64) -> (GotoDecision, GotoCommand) {
@@ -69,7 +69,7 @@ proptest! {
     #[test]
     fn the_bearing_is_that_of_the_goal(x_m in -5.0..=5.0, y_m in -5.0..=5.0, yaw_deg in 0.0..360.0) {
         prop_assume!(f64::hypot(x_m, y_m) > 1e-3);
-        let mut stage = GotoStage::new(Goal::new(x_m, y_m).unwrap());
+        let mut stage = GotoStage::new(GotoGoal::new(x_m, y_m).unwrap());
         let pose = OdomPose { x_m: 0.0, y_m: 0.0, yaw: Heading::from_deg(yaw_deg) };
         let (decision, _) = stage.step(&Goto::default(), &pose);
         let expected = (f64::atan2(x_m, y_m).to_degrees() - yaw_deg).rem_euclid(360.0);
@@ -81,7 +81,7 @@ proptest! {
     fn it_has_arrived_inside_the_box_and_nowhere_else(
         x_m in -0.5..=0.5, y_m in -0.5..=0.5, law in prop_oneof![Just(published()), Just(Goto::default())],
     ) {
-        let (decision, _) = GotoStage::new(Goal::new(x_m, y_m).unwrap()).step(&law, &OdomPose::default());
+        let (decision, _) = GotoStage::new(GotoGoal::new(x_m, y_m).unwrap()).step(&law, &OdomPose::default());
         prop_assert_eq!(decision.arrived, x_m.abs() <= 0.2 && y_m.abs() <= 0.2);
     }
 

@@ -4,7 +4,7 @@ use crate::any::{adc, command, config, remote_sample, samples, ticks};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use xtb_control::controller::{AdcSample, GyroSample, Outputs, RemoteSample};
-use xtb_control::remote::{Reading, RemoteStage, Selector, Stick, reading};
+use xtb_control::remote::{RemoteStage, Selector, Stick, TickReading, reading};
 use xtb_control::vehicle::{Remote, SLOTS};
 use xtb_control::{Controller, Mode, PwmCount, Sample, Stamp, VehicleConfig};
 
@@ -67,18 +67,18 @@ proptest! {
         let remote = &config.remote;
         let measured = f64::from(ticks) * remote.tick_us / (remote.period_ms * 1000.0);
         match reading(remote, Some(ticks)) {
-            Reading::Usable(duty) => {
+            TickReading::Usable(duty) => {
                 prop_assert!((remote.min_duty_pct / 100.0..=remote.max_duty_pct / 100.0).contains(&duty));
             }
-            Reading::Impossible => prop_assert!(measured > 1.0),
-            Reading::Rejected => prop_assert!(measured <= 1.0),
+            TickReading::Impossible => prop_assert!(measured > 1.0),
+            TickReading::Rejected => prop_assert!(measured <= 1.0),
         }
     }
 
     #[test]
     fn the_gap_between_two_pulses_reads_as_the_pulse(ticks in 584_u32..=1317) {
         let duty = |ticks| match reading(&Remote::default(), Some(ticks)) {
-            Reading::Usable(duty) => duty,
+            TickReading::Usable(duty) => duty,
             other => panic!("{other:?}"),
         };
         prop_assert!((duty(ticks) - duty(13_875 - ticks)).abs() < 1e-12);

@@ -4,7 +4,7 @@ use crate::any::{config, teleop};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use xtb_control::pid::{Gains, Pid};
-use xtb_control::speed::{Direction, SpeedPid, wheel_rpm};
+use xtb_control::speed::{AssumedDirection, SpeedPid, wheel_rpm};
 use xtb_control::vehicle::Speed;
 use xtb_control::{Command, Controller, PwmCount, Sample, Stamp, VehicleConfig};
 
@@ -65,7 +65,7 @@ proptest! {
         windows in vec((-50.0..=50.0, 0_u32..10), 1..100), interlock_pulses in 0_u32..5,
     ) {
         let config = Speed { interlock_pulses, ..Speed::default() };
-        let mut direction = Direction::default();
+        let mut direction = AssumedDirection::default();
         for (reference, pulses) in windows {
             let before = direction.sign();
             direction.demand(&config, reference);
@@ -80,7 +80,7 @@ proptest! {
     #[test]
     fn published_the_sign_follows_every_reference_at_once(references in vec(-50.0..=50.0, 1..50)) {
         let config = Speed { direction_interlock: false, ..Speed::default() };
-        let (mut direction, mut last) = (Direction::default(), 1.0);
+        let (mut direction, mut last) = (AssumedDirection::default(), 1.0);
         for reference in references {
             direction.demand(&config, reference);
             last = if reference == 0.0 { last } else { f64::signum(reference) };

@@ -4,28 +4,28 @@ use crate::any::{config, remote_sample, ticks};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use xtb_control::controller::RemoteSample;
-use xtb_control::tpu::{Channel, Setup, SetupTask};
+use xtb_control::tpu::{PinChannel, SetupTask, TpuSetup};
 use xtb_control::units::Stamp;
 use xtb_control::{Controller, Sample, VehicleConfig};
 
-fn setup() -> Setup {
-    Setup::of(&VehicleConfig::default()).unwrap()
+fn setup() -> TpuSetup {
+    TpuSetup::of(&VehicleConfig::default()).unwrap()
 }
 
 proptest! {
     #[test]
     fn the_set_up_of_every_valid_configuration_survives_the_line(config in config()) {
-        let setup = Setup::of(&config).unwrap();
-        prop_assert_eq!(Setup::from_bytes(&setup.to_bytes()), setup);
+        let setup = TpuSetup::of(&config).unwrap();
+        prop_assert_eq!(TpuSetup::from_bytes(&setup.to_bytes()), setup);
         for (i, code) in setup.channels.iter().enumerate() {
-            prop_assert!(Channel::from_code(*code).is_some());
+            prop_assert!(PinChannel::from_code(*code).is_some());
             prop_assert!(!setup.channels[..i].contains(code), "no two pins on one channel");
         }
     }
 
     #[test]
     fn every_code_is_a_channel_that_reads_back_or_none(code: u8) {
-        if let Some(channel) = Channel::from_code(code) {
+        if let Some(channel) = PinChannel::from_code(code) {
             prop_assert_eq!(channel.code(), code);
             prop_assert_eq!(channel.to_string().parse(), Ok(channel));
         }
@@ -33,8 +33,8 @@ proptest! {
 
     #[test]
     fn words_that_are_no_channel_are_refused(word in "[a-z]{0,5}[0-9]{0,3}") {
-        if let Ok(channel) = word.parse::<Channel>() {
-            prop_assert_eq!(Channel::from_code(channel.code()), Some(channel));
+        if let Ok(channel) = word.parse::<PinChannel>() {
+            prop_assert_eq!(PinChannel::from_code(channel.code()), Some(channel));
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Words and remedies are those of [`texts`], as every screen has them.
 
-use super::Presence;
+use super::RobotPresence;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{
     Alert, AlertKind, BatteryLevel, Fault, Latch, MAX_ALERT_TEXT, RobotState, StopReason, Suspension,
@@ -197,7 +197,7 @@ impl Rules {
     }
 
     /// What a robot's silence says.
-    pub(super) fn of_presence(&self, now_ms: u64, name: &Name, it: Presence) -> Option<Condition> {
+    pub(super) fn of_presence(&self, now_ms: u64, name: &Name, it: RobotPresence) -> Option<Condition> {
         let after_ms = self.gone_ms?.max(SILENT_MS);
         let silent_ms = now_ms.saturating_sub(it.last_heard_ms);
         if silent_ms < after_ms || !(it.expected || it.met) {

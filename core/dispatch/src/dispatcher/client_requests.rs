@@ -5,7 +5,7 @@ use crate::admission::{self, AdmissionCtx, ledger_failed, refusal};
 use crate::task::Task;
 use crate::task_store::record::Record;
 use crate::tracked_robot::smallest_car;
-use crate::transition::{Change, Ending};
+use crate::transition::{TaskEnding, TaskUpdate};
 use crate::travel_cost::TravelCost;
 use crate::write_queue::OnWritten;
 use xtb_protocol::messages::{
@@ -234,19 +234,19 @@ impl Dispatcher {
 
 fn progress(now_ms: u64, command: &TaskCommand, task: &Task, by: &Name) -> Progress {
     use TaskState::{Cancelled, Cancelling, Done, Failed, Held, Paused};
-    let again = Change::Queued { not_before_ms: 0, failed: false };
+    let again = TaskUpdate::Queued { not_before_ms: 0, failed: false };
     let free = task.assigned.is_none();
     let write = |change, why| Progress::Write(Record::Became { task: task.id, change, why: Some(why) });
     let wrong = |what: &str| Progress::Wrong(DispatchCode::WrongState, what.to_owned());
     match (command, task.state) {
         (TaskCommand::Cancel, Cancelled) => Progress::Done,
         (TaskCommand::Cancel, Done | Failed) => wrong("has already ended"),
-        (TaskCommand::Cancel, Cancelling) if task.ending == Some(Ending::Cancelled) => Progress::Wait,
-        (TaskCommand::Cancel, _) => write(task.end(Ending::Cancelled), format!("{CANCELLED_BY}{by}")),
+        (TaskCommand::Cancel, Cancelling) if task.ending == Some(TaskEnding::Cancelled) => Progress::Wait,
+        (TaskCommand::Cancel, _) => write(task.end(TaskEnding::Cancelled), format!("{CANCELLED_BY}{by}")),
         (TaskCommand::Pause, Paused) if free => Progress::Done,
         (TaskCommand::Pause | TaskCommand::Resume, Paused) if !free => Progress::Wait,
         (TaskCommand::Pause, Cancelled | Cancelling | Done | Failed) => wrong("has ended or is ending"),
-        (TaskCommand::Pause, _) => write(Change::Paused, format!("paused by {by}")),
+        (TaskCommand::Pause, _) => write(TaskUpdate::Paused, format!("paused by {by}")),
         (TaskCommand::Resume, Paused | Held) => write(again, format!("resumed by {by}")),
         (TaskCommand::Resume, Cancelled | Cancelling | Done | Failed) => {
             wrong("has ended; start it again with retry")

@@ -10,7 +10,7 @@ use super::Dispatcher;
 use crate::home::{HomeRules, is_dock_of};
 use crate::task::Task;
 use crate::task_store::record::Record;
-use crate::transition::{Change, Ending, TaskOutcome};
+use crate::transition::{TaskEnding, TaskOutcome, TaskUpdate};
 use crate::travel_cost::TravelCost;
 use crate::write_queue::OnWritten;
 use round::{Decision, Round};
@@ -120,7 +120,7 @@ impl Dispatcher {
                     ..TaskSpec::new(kind)
                 };
                 let (by, key) = (self.identity.me.clone(), self.new_id());
-                let change = Change::Queued { not_before_ms: 0, failed: false };
+                let change = TaskUpdate::Queued { not_before_ms: 0, failed: false };
                 let records = vec![
                     Record::Submitted { task, by, key, spec: Box::new(spec) },
                     Record::Became { task, change, why: Some(why) },
@@ -129,7 +129,7 @@ impl Dispatcher {
             }
             Decision::Release { task, why } => {
                 // No fault of the robot, nor of the task.
-                let change = Change::Queued { not_before_ms: 0, failed: false };
+                let change = TaskUpdate::Queued { not_before_ms: 0, failed: false };
                 self.record(now_ms, task, TaskOutcome::Changed(change, Some(why)));
             }
             Decision::Cancel { task, why, avoid } => {
@@ -138,7 +138,7 @@ impl Dispatcher {
                 {
                     robot.charge.avoid(now_ms, &place);
                 }
-                let Some(change) = self.store.task(task).map(|task| task.end(Ending::Cancelled)) else {
+                let Some(change) = self.store.task(task).map(|task| task.end(TaskEnding::Cancelled)) else {
                     return;
                 };
                 let record = Record::Became { task, change, why: Some(why) };

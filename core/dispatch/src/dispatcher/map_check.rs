@@ -4,7 +4,7 @@ use super::Dispatcher;
 use crate::task::Task;
 use crate::task_store::record::Record;
 use crate::tracked_robot::{TrackedRobot, smallest_car};
-use crate::transition::Ending;
+use crate::transition::TaskEnding;
 use crate::travel_cost::TravelCost;
 use crate::write_queue::OnWritten;
 use xtb_protocol::messages::{TaskId, TaskState};
@@ -106,7 +106,7 @@ impl Dispatcher {
         let map = self.suspension_state().map.map(|map| map.name.clone()).unwrap_or_default();
         for (id, what) in lost {
             let Some(task) = self.store.task(id) else { continue };
-            let (change, why) = (task.end(Ending::Failed), format!("{what} (current map: {map})"));
+            let (change, why) = (task.end(TaskEnding::Failed), format!("{what} (current map: {map})"));
             self.writes.push(
                 now_ms,
                 vec![Record::Became { task: id, change, why: Some(why) }],

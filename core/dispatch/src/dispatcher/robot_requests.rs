@@ -3,11 +3,11 @@
 use super::{Dispatcher, Effect};
 use crate::task::Task;
 use crate::task_progress;
-use crate::tracked_robot::Purpose;
+use crate::tracked_robot::RequestPurpose;
 use xtb_control::Stamp;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{Assignment, Body, Outcome, RejectCode, Reply};
-use xtb_robot::operator::Step;
+use xtb_robot::operator::CallStep;
 
 /// The state of a robot that has just confirmed a withdrawal needs this long to show it, in ms.
 const SHOWS_MS: u64 = 100;
@@ -37,16 +37,16 @@ impl Dispatcher {
         let (id, keep) = (self.new_id(), self.new_id());
         let Some(robot) = self.robots.get_mut(name) else { return };
         // What may have arrived is withdrawn when its task is queued again.
-        robot.pending.take_if(|pending| is_suspended && matches!(pending.purpose, Purpose::Assign(_)));
+        robot.pending.take_if(|pending| is_suspended && matches!(pending.purpose, RequestPurpose::Assign(_)));
         if let Some((purpose, body)) = next {
             robot.begin_request(now_ms, id, purpose, body, &self.settings);
         }
         let mut asks = Vec::new();
         if let Some(pending) = &mut robot.pending {
             match pending.call.step(Stamp::from_ms(now_ms)) {
-                Step::Ask(request) => asks.push(request),
-                Step::Wait(_) => {}
-                Step::GiveUp { .. } => {
+                CallStep::Ask(request) => asks.push(request),
+                CallStep::Wait(_) => {}
+                CallStep::GiveUp { .. } => {
                     robot.give_up();
                     robot.next_request_ms = now_ms + self.settings.pause_ms;
                 }
@@ -84,30 +84,37 @@ impl Dispatcher {
         }
     }
 
-    fn granted(&mut self, now_ms: u64, name: &Name, purpose: Purpose) {
+    fn granted(&mut self, now_ms: u64, name: &Name, purpose: RequestPurpose) {
         let Some(robot) = self.robots.get_mut(name) else { return };
         match purpose {
-            Purpose::Acquire => {}
-            Purpose::Release => robot.operator = Default::default(),
-            Purpose::Assign(Assignment { assign_seq, leg, .. }) => {
+            RequestPurpose::Acquire => {}
+            RequestPurpose::Release => robot.operator = Default::default(),
+            RequestPurpose::Assign(Assignment { assign_seq, leg, .. }) => {
                 let state = robot.observed.as_ref().map_or(0, |observed| observed.seq);
                 robot.acked = Some((assign_seq, leg, state));
             }
-            Purpose::Withdraw { seq } => {
+            RequestPurpose::Withdraw { seq } => {
                 robot.withdrawn = Some(robot.withdrawn.map_or(seq, |before| before.max(seq)));
                 robot.next_request_ms = now_ms + SHOWS_MS;
             }
         }
     }
 
-    fn refused(&mut self, now_ms: u64, name: &Name, purpose: Purpose, code: RejectCode, message: &str) {
+    fn refused(
+        &mut self,
+        now_ms: u64,
+        name: &Name,
+        purpose: RequestPurpose,
+        code: RejectCode,
+        message: &str,
+    ) {
         let pause_ms = self.settings.pause_ms;
         let Some(robot) = self.robots.get_mut(name) else { return };
         robot.next_request_ms = now_ms + pause_ms;
         match purpose {
-            Purpose::Release => robot.operator = Default::default(),
-            Purpose::Acquire | Purpose::Withdraw { .. } => {}
-            Purpose::Assign(assignment) => self.not_begun(now_ms, name, assignment, code, message),
+            RequestPurpose::Release => robot.operator = Default::default(),
+            RequestPurpose::Acquire | RequestPurpose::Withdraw { .. } => {}
+            RequestPurpose::Assign(assignment) => self.not_begun(now_ms, name, assignment, code, message),
         }
     }
 
@@ -138,12 +145,12 @@ impl Dispatcher {
 }
 
 /// The request for a purpose.
-fn body(now_ms: u64, purpose: Purpose, task: Option<&Task>, ledger: u64) -> Option<Body> {
+fn body(now_ms: u64, purpose: RequestPurpose, task: Option<&Task>, ledger: u64) -> Option<Body> {
     Some(match purpose {
-        Purpose::Acquire => Body::Acquire { take: false },
-        Purpose::Release => Body::Release {},
-        Purpose::Withdraw { seq } => Body::Withdraw { ledger, assign_seq: seq },
-        Purpose::Assign(assignment) => {
+        RequestPurpose::Acquire => Body::Acquire { take: false },
+        RequestPurpose::Release => Body::Release {},
+        RequestPurpose::Withdraw { seq } => Body::Withdraw { ledger, assign_seq: seq },
+        RequestPurpose::Assign(assignment) => {
             let task = task?;
             Body::Assign {
                 assignment,

@@ -1,11 +1,11 @@
 //! What becomes of tasks: what their robots show, and what the clock says.
 
 use super::Dispatcher;
-use crate::settings::Settings;
+use crate::settings::DispatcherSettings;
 use crate::task::Task;
 use crate::task_progress;
-use crate::task_store::record::{Entry, Record};
-use crate::transition::{Change, Ending, TaskOutcome};
+use crate::task_store::record::{LedgerEntry, Record};
+use crate::transition::{TaskEnding, TaskOutcome, TaskUpdate};
 use crate::write_queue::OnWritten;
 use xtb_protocol::messages::{Assignment, GoalStatus, TaskId, TaskKind, TaskState};
 
@@ -38,7 +38,7 @@ impl Dispatcher {
                 let leg = task.legs_done;
                 let mut records = vec![Record::Reached { task: id, seq, leg }];
                 if task.is_all(leg + 1, now_ms) {
-                    let change = Change::Ended { ending: Ending::Done };
+                    let change = TaskUpdate::Ended { ending: TaskEnding::Done };
                     records.push(Record::Became { task: id, change, why: None });
                 }
                 records
@@ -59,8 +59,8 @@ impl Dispatcher {
                 && task.began_ms.is_some()
                 && task.is_all(task.legs_done, now_ms);
             let (ending, why) = match (late, lasted) {
-                (_, true) => (Ending::Done, None),
-                (true, _) => (Ending::Failed, Some("deadline passed".to_owned())),
+                (_, true) => (TaskEnding::Done, None),
+                (true, _) => (TaskEnding::Failed, Some("deadline passed".to_owned())),
                 _ => continue,
             };
             over.push((task.id, task.end(ending), why));
@@ -105,13 +105,13 @@ impl Dispatcher {
     }
 
     /// What a durable entry means for what is known of the robots.
-    pub(super) fn update_robots(&mut self, entry: &Entry, task: TaskId) {
+    pub(super) fn update_robots(&mut self, entry: &LedgerEntry, task: TaskId) {
         let Some(task) = self.store.task(task) else { return };
         let last = task.last.as_ref().map(|last| last.robot.clone());
         match &entry.record {
-            Record::Became { change: Change::Queued { not_before_ms, failed }, why, .. } => {
+            Record::Became { change: TaskUpdate::Queued { not_before_ms, failed }, why, .. } => {
                 let why = why.clone().unwrap_or_default();
-                let Settings { refused_ms, unanswered_ms, most_unanswered, .. } = self.settings;
+                let DispatcherSettings { refused_ms, unanswered_ms, most_unanswered, .. } = self.settings;
                 if let Some(robot) = last.and_then(|last| self.robots.get_mut(&last)) {
                     let is_silent = robot.unanswered >= most_unanswered;
                     let for_ms = if is_silent { unanswered_ms } else { refused_ms };
@@ -125,7 +125,7 @@ impl Dispatcher {
                     }
                 }
             }
-            Record::Became { change: Change::Ended { .. }, .. } => {
+            Record::Became { change: TaskUpdate::Ended { .. }, .. } => {
                 let id = task.id;
                 self.robots.values_mut().for_each(|robot| {
                     robot.incapable.remove(&id);

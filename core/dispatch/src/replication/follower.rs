@@ -7,7 +7,7 @@ use xtb_protocol::messages::Witnesses;
 
 /// What the stand-by sees besides the dispatcher's answers.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Seen {
+pub struct Observed {
     /// A dispatcher's presence is declared.
     pub present: bool,
     /// Robots whose states come in.
@@ -18,7 +18,7 @@ pub struct Seen {
 
 /// What a stand-by does now.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Decision {
+pub enum StandbyDecision {
     /// It follows, and would take over.
     Paired,
     /// It follows, and has not been told that it is needed: it lacks records, or another one is paired.
@@ -82,27 +82,27 @@ impl Follower {
     }
 
     /// Looks at the clock and around.
-    pub fn step(&mut self, now_ms: u64, seen: &Seen) -> Decision {
+    pub fn step(&mut self, now_ms: u64, seen: &Observed) -> StandbyDecision {
         let ran_ms = now_ms.saturating_sub(self.stepped_ms).min(self.times.step_ms);
         self.stepped_ms = now_ms;
         self.silent_ms = self.silent_ms.saturating_add(ran_ms);
         let is_silent = self.silent_ms >= self.times.silent_ms;
         let Some(pairing) = &self.pairing else {
-            return if is_silent { Decision::Stale } else { Decision::CatchingUp };
+            return if is_silent { StandbyDecision::Stale } else { StandbyDecision::CatchingUp };
         };
         if now_ms.saturating_sub(pairing.asked_ms) > self.times.take_over_ms {
-            return Decision::Stale;
+            return StandbyDecision::Stale;
         }
         if !is_silent {
-            return Decision::Paired;
+            return StandbyDecision::Paired;
         }
         match self.lacks(pairing, seen) {
-            Some(why) => Decision::Waits(why),
-            None => Decision::TakeOver,
+            Some(why) => StandbyDecision::Waits(why),
+            None => StandbyDecision::TakeOver,
         }
     }
 
-    fn lacks(&self, pairing: &Pairing, seen: &Seen) -> Option<String> {
+    fn lacks(&self, pairing: &Pairing, seen: &Observed) -> Option<String> {
         if seen.present {
             return Some("the dispatcher is silent, but still present".to_owned());
         }

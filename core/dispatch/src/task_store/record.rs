@@ -2,7 +2,7 @@
 //! that holds the whole [`TaskStore`], so both are one module.
 
 use super::TaskStore;
-use crate::transition::Change;
+use crate::transition::TaskUpdate;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use uuid::Uuid;
@@ -62,7 +62,7 @@ pub enum Record {
         /// Which.
         task: TaskId,
         /// What.
-        change: Change,
+        change: TaskUpdate,
         /// Why, where that is not plain.
         why: Option<String>,
     },
@@ -132,7 +132,7 @@ impl Record {
 /// A record with its place and time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Entry {
+pub struct LedgerEntry {
     /// Version of the layout.
     pub v: u32,
     /// Counts the entries of a ledger, without gaps, from 1.
@@ -157,7 +157,7 @@ pub enum EntryError {
     Malformed(String),
 }
 
-impl Entry {
+impl LedgerEntry {
     /// As the ledger keeps it.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use crate::bench::name;
 use crate::robots::{FakeRobot, Goal};
-use xtb_dispatch::alerts::{AlertBook, Presence, Rules, Step};
+use xtb_dispatch::alerts::{AlertBook, AlertStep, RobotPresence, Rules};
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
     AckBody, AckReply, AckRequest, Alert, AlertKind, AlertState, BatteryLevel, GoalStatus, Latch, LatchState,
@@ -13,7 +13,7 @@ use xtb_protocol::messages::{
 const T0: u64 = 1_800_000_000_000;
 
 /// A book, one robot, and what is known of it.
-struct Desk {
+struct Rig {
     book: AlertBook,
     robot: FakeRobot,
     now_ms: u64,
@@ -22,7 +22,7 @@ struct Desk {
     suspended: Vec<Suspension>,
 }
 
-impl Desk {
+impl Rig {
     fn new(rules: Rules) -> Self {
         Self::after(rules, Vec::new())
     }
@@ -69,11 +69,11 @@ impl Desk {
 
     fn step(&mut self) {
         let met = self.robot.seq > 0;
-        let presence = Presence { expected: self.expected, met, last_heard_ms: self.heard_ms };
+        let presence = RobotPresence { expected: self.expected, met, last_heard_ms: self.heard_ms };
         self.book.step(self.now_ms, [(&self.robot.name, presence)], &self.suspended);
     }
 
-    fn steps(&mut self) -> Vec<(Step, AlertKind)> {
+    fn steps(&mut self) -> Vec<(AlertStep, AlertKind)> {
         std::iter::from_fn(|| self.book.next_change()).map(|it| (it.step, it.alert.kind)).collect()
     }
 
@@ -104,9 +104,9 @@ fn drives(state: &mut RobotState, why: &[StopReason]) {
 }
 
 /// A robot with a goal that it stands for, for this reason.
-fn with_goal() -> Desk {
-    let mut desk = Desk::new(Rules::default());
-    desk.robot.begin(Goal {
+fn with_goal() -> Rig {
+    let mut rig = Rig::new(Rules::default());
+    rig.robot.begin(Goal {
         id: Uuid::from_u128(1),
         by: name("dispatch"),
         status: GoalStatus::Running,
@@ -118,7 +118,7 @@ fn with_goal() -> Desk {
         finish_ms: 0,
         doomed: false,
     });
-    desk
+    rig
 }
 
 fn failed(task: u64, state: TaskState) -> TaskEvent {
@@ -190,25 +190,25 @@ fn each_rule_over_a_robots_state_has_its_words_and_its_remedy() {
         ),
     ];
     for (after_ms, change, kind, subject, text, remedy) in rows {
-        let mut desk = with_goal();
+        let mut rig = with_goal();
         if after_ms > 0 {
-            desk.hear(after_ms - 50, &change);
-            assert_eq!(desk.alerts(), [], "{text}: not yet");
-            desk.now_ms += 50;
+            rig.hear(after_ms - 50, &change);
+            assert_eq!(rig.alerts(), [], "{text}: not yet");
+            rig.now_ms += 50;
         }
-        desk.hear(0, &change);
-        let alert = desk.only();
+        rig.hear(0, &change);
+        let alert = rig.only();
         assert_eq!((alert.kind, alert.subject.as_deref()), (kind, subject), "{text}");
         assert_eq!((alert.text.as_str(), alert.remedy.as_str()), (text, remedy));
         assert_eq!((alert.robot.clone(), alert.state()), (Some(name("xtb-1")), AlertState::Open));
-        assert_eq!(desk.now_ms - alert.since_ms, after_ms, "{text}: since it began");
+        assert_eq!(rig.now_ms - alert.since_ms, after_ms, "{text}: since it began");
         // Raised once, and ended when it is over.
-        desk.hear(5_000, &change);
-        assert_eq!(desk.steps(), [(Step::Raised, kind)], "{text}");
-        desk.hear(4_000, &well);
+        rig.hear(5_000, &change);
+        assert_eq!(rig.steps(), [(AlertStep::Raised, kind)], "{text}");
+        rig.hear(4_000, &well);
         assert_eq!(
-            (desk.steps(), desk.only().state()),
-            (vec![(Step::Ended, kind)], AlertState::Ended),
+            (rig.steps(), rig.only().state()),
+            (vec![(AlertStep::Ended, kind)], AlertState::Ended),
             "{text}"
         );
     }
@@ -219,35 +219,35 @@ fn what_needs_nobody_is_no_alert() {
     for reason in
         [StopReason::Planning, StopReason::Starting, StopReason::AtCusp, StopReason::ChangingDirection]
     {
-        let mut desk = with_goal();
-        desk.hear(300_000, &|state| drives(state, &[reason]));
-        assert_eq!(desk.alerts(), [], "{reason:?}");
+        let mut rig = with_goal();
+        rig.hear(300_000, &|state| drives(state, &[reason]));
+        assert_eq!(rig.alerts(), [], "{reason:?}");
     }
     // Without a goal nobody waits for it.
-    let mut desk = Desk::new(Rules::default());
-    desk.hear(300_000, &|state| drives(state, &[StopReason::ObstacleFront]));
-    assert_eq!(desk.alerts(), []);
-    let mut desk = Desk::new(Rules::default());
-    desk.hear(1_000, &|state| state.battery_level = BatteryLevel::Ok);
-    desk.hear(1_000, &|state| state.battery_level = BatteryLevel::Unknown);
-    assert_eq!(desk.alerts(), []);
+    let mut rig = Rig::new(Rules::default());
+    rig.hear(300_000, &|state| drives(state, &[StopReason::ObstacleFront]));
+    assert_eq!(rig.alerts(), []);
+    let mut rig = Rig::new(Rules::default());
+    rig.hear(1_000, &|state| state.battery_level = BatteryLevel::Ok);
+    rig.hear(1_000, &|state| state.battery_level = BatteryLevel::Unknown);
+    assert_eq!(rig.alerts(), []);
 }
 
 #[test]
 fn a_robot_that_moves_a_little_is_still_blocked_and_one_that_drives_is_not() {
     let blocked = |state: &mut RobotState| drives(state, &[StopReason::ObstacleFront]);
-    let mut desk = with_goal();
+    let mut rig = with_goal();
     for _ in 0..7 {
-        desk.hear(8_000, &blocked);
-        desk.hear(1_000, &well);
+        rig.hear(8_000, &blocked);
+        rig.hear(1_000, &well);
     }
-    assert_eq!(desk.only().kind, AlertKind::Blocked);
-    let mut desk = with_goal();
+    assert_eq!(rig.only().kind, AlertKind::Blocked);
+    let mut rig = with_goal();
     for _ in 0..10 {
-        desk.hear(30_000, &blocked);
-        desk.hear(5_000, &well);
+        rig.hear(30_000, &blocked);
+        rig.hear(5_000, &well);
     }
-    assert_eq!(desk.alerts(), []);
+    assert_eq!(rig.alerts(), []);
 }
 
 #[test]
@@ -261,135 +261,139 @@ fn a_rule_that_is_off_is_silent() {
         suspended: false,
         map_mismatch_ms: None,
     };
-    let mut desk = Desk::new(off);
-    desk.suspended = vec![fleet_stop()];
-    desk.book.task(T0, &failed(1, TaskState::Failed));
-    desk.hear(1_000, &|state| {
+    let mut rig = Rig::new(off);
+    rig.suspended = vec![fleet_stop()];
+    rig.book.task(T0, &failed(1, TaskState::Failed));
+    rig.hear(1_000, &|state| {
         latched(state);
         state.battery_level = BatteryLevel::Critical;
     });
-    desk.silence(600_000);
-    assert_eq!(desk.alerts(), []);
+    rig.silence(600_000);
+    assert_eq!(rig.alerts(), []);
 }
 
 #[test]
 fn a_robot_that_is_not_heard_is_gone_until_it_is_back() {
-    let mut desk = Desk::new(Rules::default());
-    desk.hear(1_000, &latched);
-    assert_eq!(desk.steps(), [(Step::Raised, AlertKind::Latched)]);
-    desk.silence(9_750);
-    assert_eq!(desk.steps(), []);
-    desk.silence(250);
-    assert_eq!(desk.steps(), [(Step::Raised, AlertKind::Gone)], "and nothing is known of its latch");
-    let gone = desk.alerts().pop().unwrap();
+    let mut rig = Rig::new(Rules::default());
+    rig.hear(1_000, &latched);
+    assert_eq!(rig.steps(), [(AlertStep::Raised, AlertKind::Latched)]);
+    rig.silence(9_750);
+    assert_eq!(rig.steps(), []);
+    rig.silence(250);
+    assert_eq!(rig.steps(), [(AlertStep::Raised, AlertKind::Gone)], "and nothing is known of its latch");
+    let gone = rig.alerts().pop().unwrap();
     assert_eq!(gone.text, "xtb-1 is missing: no message for 10 s");
     assert!(gone.remedy.contains("`fleet-cli doctor`"), "{}", gone.remedy);
-    desk.hear(50, &well);
-    assert_eq!(desk.steps(), [(Step::Ended, AlertKind::Latched), (Step::Ended, AlertKind::Gone)]);
+    rig.hear(50, &well);
+    assert_eq!(rig.steps(), [(AlertStep::Ended, AlertKind::Latched), (AlertStep::Ended, AlertKind::Gone)]);
 }
 
 #[test]
 fn who_is_neither_expected_nor_met_is_not_gone() {
-    let mut desk = Desk::new(Rules::default());
-    desk.expected = false;
-    desk.silence(60_000);
-    assert_eq!(desk.alerts(), []);
-    desk.expected = true;
-    desk.silence(250);
-    assert_eq!(desk.only().kind, AlertKind::Gone);
+    let mut rig = Rig::new(Rules::default());
+    rig.expected = false;
+    rig.silence(60_000);
+    assert_eq!(rig.alerts(), []);
+    rig.expected = true;
+    rig.silence(250);
+    assert_eq!(rig.only().kind, AlertKind::Gone);
 }
 
 #[test]
 fn a_failed_task_stays_until_it_is_acknowledged_or_queued_again() {
-    let mut desk = Desk::new(Rules::default());
-    desk.book.task(T0, &failed(1, TaskState::Failed));
-    desk.book.task(T0, &failed(2, TaskState::Failed));
-    desk.book.task(T0, &failed(3, TaskState::Cancelled));
-    desk.hear(60_000, &well);
-    assert_eq!(desk.steps(), [(Step::Raised, AlertKind::TaskFailed); 2]);
-    let alert = &desk.alerts()[0];
+    let mut rig = Rig::new(Rules::default());
+    rig.book.task(T0, &failed(1, TaskState::Failed));
+    rig.book.task(T0, &failed(2, TaskState::Failed));
+    rig.book.task(T0, &failed(3, TaskState::Cancelled));
+    rig.hear(60_000, &well);
+    assert_eq!(rig.steps(), [(AlertStep::Raised, AlertKind::TaskFailed); 2]);
+    let alert = &rig.alerts()[0];
     assert_eq!(
         (alert.text.as_str(), alert.subject.as_deref()),
         ("task t1 failed on xtb-1: no way there", Some("t1"))
     );
     assert!(alert.remedy.contains("`fleet-cli retry t1`"), "{}", alert.remedy);
-    desk.book.task(
+    rig.book.task(
         T0,
         &TaskEvent {
             step: TaskStep { robot: None, ..failed(2, TaskState::Queued).step },
             ..failed(2, TaskState::Queued)
         },
     );
-    assert_eq!(desk.steps(), [(Step::Ended, AlertKind::TaskFailed)]);
-    let reply = desk.ack(AckBody::Alerts { ids: vec![1, 2, 9] }, None);
+    assert_eq!(rig.steps(), [(AlertStep::Ended, AlertKind::TaskFailed)]);
+    let reply = rig.ack(AckBody::Alerts { ids: vec![1, 2, 9] }, None);
     assert_eq!(reply, AckReply { acknowledged: vec![1], before: vec![2], unknown: vec![9] });
-    assert_eq!(desk.alerts()[0].state(), AlertState::Ended);
+    assert_eq!(rig.alerts()[0].state(), AlertState::Ended);
 }
 
 #[test]
 fn a_suspended_dispatcher_is_an_alert_until_it_is_activated() {
-    let mut desk = Desk::new(Rules::default());
-    desk.suspended = vec![fleet_stop()];
-    desk.hear(1_000, &well);
-    let alert = desk.only();
+    let mut rig = Rig::new(Rules::default());
+    rig.suspended = vec![fleet_stop()];
+    rig.hear(1_000, &well);
+    let alert = rig.only();
     assert_eq!((alert.kind, alert.robot), (AlertKind::Suspended, None));
     assert!(alert.text.contains("emergency stop of all robots by alice"), "{}", alert.text);
     assert!(alert.remedy.contains("`fleet-cli dispatch activate`"), "{}", alert.remedy);
     // A task more is no other alert.
-    desk.suspended[0].tasks = 4;
-    desk.hear(1_000, &well);
-    desk.suspended.clear();
-    desk.hear(1_000, &well);
-    assert_eq!(desk.steps(), [(Step::Raised, AlertKind::Suspended), (Step::Ended, AlertKind::Suspended)]);
+    rig.suspended[0].tasks = 4;
+    rig.hear(1_000, &well);
+    rig.suspended.clear();
+    rig.hear(1_000, &well);
+    assert_eq!(
+        rig.steps(),
+        [(AlertStep::Raised, AlertKind::Suspended), (AlertStep::Ended, AlertKind::Suspended)]
+    );
 }
 
 #[test]
 fn an_alert_is_acknowledged_by_name_once_and_ends_all_the_same() {
-    let mut desk = Desk::new(Rules::default());
-    desk.hear(1_000, &latched);
-    let reply = desk.ack(AckBody::All {}, Some("alice@desk"));
+    let mut rig = Rig::new(Rules::default());
+    rig.hear(1_000, &latched);
+    let reply = rig.ack(AckBody::All {}, Some("alice@desk"));
     assert_eq!(reply.acknowledged, [1]);
-    assert_eq!(desk.ack(AckBody::All {}, None), AckReply::default());
-    assert_eq!(desk.ack(AckBody::Alerts { ids: vec![1] }, Some("bob@desk")).before, [1]);
-    let seen = desk.only().acknowledged.unwrap();
+    assert_eq!(rig.ack(AckBody::All {}, None), AckReply::default());
+    assert_eq!(rig.ack(AckBody::Alerts { ids: vec![1] }, Some("bob@desk")).before, [1]);
+    let seen = rig.only().acknowledged.unwrap();
     assert_eq!((seen.who().as_str(), seen.at_ms), ("alice-3f9a1c (alice@desk)", T0 + 1_000));
-    desk.hear(1_000, &latched);
-    assert_eq!(desk.only().state(), AlertState::Acknowledged);
-    desk.hear(1_000, &well);
-    desk.hear(1_000, &latched);
-    let latched = (Step::Raised, AlertKind::Latched);
-    let (seen, ended) = ((Step::Acknowledged, AlertKind::Latched), (Step::Ended, AlertKind::Latched));
-    assert_eq!(desk.steps(), [latched, seen, ended, latched], "a new latch is a new alert");
-    assert_eq!(desk.alerts().iter().map(Alert::is_open).collect::<Vec<_>>(), [false, true]);
+    rig.hear(1_000, &latched);
+    assert_eq!(rig.only().state(), AlertState::Acknowledged);
+    rig.hear(1_000, &well);
+    rig.hear(1_000, &latched);
+    let latched = (AlertStep::Raised, AlertKind::Latched);
+    let (seen, ended) =
+        ((AlertStep::Acknowledged, AlertKind::Latched), (AlertStep::Ended, AlertKind::Latched));
+    assert_eq!(rig.steps(), [latched, seen, ended, latched], "a new latch is a new alert");
+    assert_eq!(rig.alerts().iter().map(Alert::is_open).collect::<Vec<_>>(), [false, true]);
 }
 
 #[test]
 fn a_restart_keeps_alerts_and_raises_none_twice() {
-    let mut desk = Desk::new(Rules::default());
-    desk.suspended = vec![fleet_stop()];
-    desk.book.task(T0, &failed(1, TaskState::Failed));
-    desk.hear(1_000, &latched);
-    assert_eq!(desk.ack(AckBody::Alerts { ids: vec![2] }, None).acknowledged, [2]);
-    let before = desk.alerts();
-    let mut after = Desk::after(Rules::default(), before.clone());
-    after.suspended = desk.suspended;
+    let mut rig = Rig::new(Rules::default());
+    rig.suspended = vec![fleet_stop()];
+    rig.book.task(T0, &failed(1, TaskState::Failed));
+    rig.hear(1_000, &latched);
+    assert_eq!(rig.ack(AckBody::Alerts { ids: vec![2] }, None).acknowledged, [2]);
+    let before = rig.alerts();
+    let mut after = Rig::after(Rules::default(), before.clone());
+    after.suspended = rig.suspended;
     // Nothing has been heard yet: what was so is not over.
     after.silence(5_000);
     assert_eq!((after.alerts(), after.steps()), (before, Vec::new()));
     after.hear(1_000, &latched);
     assert_eq!(after.steps(), []);
     after.hear(1_000, &well);
-    assert_eq!(after.steps(), [(Step::Ended, AlertKind::Latched)]);
+    assert_eq!(after.steps(), [(AlertStep::Ended, AlertKind::Latched)]);
     after.book.task(T0, &failed(7, TaskState::Failed));
     assert_eq!(after.alerts().last().unwrap().id, 4, "numbers go on");
 }
 
 #[test]
 fn an_acknowledged_alert_of_a_robot_that_nobody_expects_ends() {
-    let mut desk = Desk::new(Rules::default());
-    desk.hear(1_000, &latched);
-    let kept = desk.alerts();
-    let mut after = Desk::after(Rules::default(), kept);
+    let mut rig = Rig::new(Rules::default());
+    rig.hear(1_000, &latched);
+    let kept = rig.alerts();
+    let mut after = Rig::after(Rules::default(), kept);
     after.expected = false;
     after.silence(60_000);
     assert_eq!(after.only().state(), AlertState::Open);
@@ -400,47 +404,47 @@ fn an_acknowledged_alert_of_a_robot_that_nobody_expects_ends() {
 
 #[test]
 fn the_list_is_bounded_and_what_finds_no_room_is_counted() {
-    let mut desk = Desk::new(Rules::default());
+    let mut rig = Rig::new(Rules::default());
     for task in 0..600 {
-        desk.book.task(T0, &failed(task, TaskState::Failed));
+        rig.book.task(T0, &failed(task, TaskState::Failed));
     }
-    let list = desk.book.list(T0);
+    let list = rig.book.list(T0);
     assert_eq!((list.alerts.len(), list.left_out), (MAX_ALERTS, 100));
     // Ended ones make room: the oldest goes first.
-    assert_eq!(desk.ack(AckBody::Alerts { ids: vec![1, 2] }, None).acknowledged, [1, 2]);
-    desk.book.task(T0, &failed(1000, TaskState::Failed));
-    let list = desk.book.list(T0);
+    assert_eq!(rig.ack(AckBody::Alerts { ids: vec![1, 2] }, None).acknowledged, [1, 2]);
+    rig.book.task(T0, &failed(1000, TaskState::Failed));
+    let list = rig.book.list(T0);
     assert_eq!((list.alerts.len(), list.left_out, list.alerts[0].id), (MAX_ALERTS, 100, 2));
     // And of ended ones 100 stay.
-    let mut desk = Desk::new(Rules::default());
+    let mut rig = Rig::new(Rules::default());
     for _ in 0..150 {
-        desk.hear(50, &latched);
-        desk.now_ms += 50;
-        desk.hear(0, &well);
-        desk.now_ms += 50;
+        rig.hear(50, &latched);
+        rig.now_ms += 50;
+        rig.hear(0, &well);
+        rig.now_ms += 50;
     }
-    let alerts = desk.alerts();
+    let alerts = rig.alerts();
     assert_eq!((alerts.len(), alerts[0].id, alerts.last().unwrap().id), (100, 51, 150));
 }
 
 #[test]
 fn a_robots_words_cannot_make_an_alert_longer_than_it_may_be() {
-    let mut desk = Desk::new(Rules::default());
-    desk.hear(0, &|state| {
+    let mut rig = Rig::new(Rules::default());
+    rig.hear(0, &|state| {
         let by = "é".repeat(5_000);
         state.latches = vec![LatchState { latch: Latch::SensorFault, age_ms: 0, by, present: true }];
     });
-    let alert = desk.only();
+    let alert = rig.only();
     assert!(alert.text.len() <= MAX_ALERT_TEXT && alert.text.ends_with('…'), "{} bytes", alert.text.len());
 }
 
 #[test]
 fn a_latch_for_an_empty_battery_is_one_alert() {
-    let mut desk = Desk::new(Rules::default());
-    desk.hear(1_000, &|state| {
+    let mut rig = Rig::new(Rules::default());
+    rig.hear(1_000, &|state| {
         state.battery_level = BatteryLevel::Critical;
         let by = "battery".to_owned();
         state.latches = vec![LatchState { latch: Latch::BatteryCritical, age_ms: 0, by, present: true }];
     });
-    assert_eq!(desk.only().kind, AlertKind::Latched);
+    assert_eq!(rig.only().kind, AlertKind::Latched);
 }

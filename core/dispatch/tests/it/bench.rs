@@ -2,8 +2,8 @@
 
 use crate::model::{LEDGER, me};
 use crate::robots::FakeRobot;
-use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, OpenTravelCost, Settings, TravelCost};
+use xtb_dispatch::dispatcher::DispatcherIdentity;
+use xtb_dispatch::{Dispatcher, DispatcherSettings, Effect, LedgerEntry, OpenTravelCost, TravelCost};
 use xtb_protocol::messages::{
     Assignment, Body, DispatchBody, DispatchError, DispatchOutcome, DispatchReply, DispatchRequest, NEXT_LEG,
     Request, TaskChange, TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
@@ -16,7 +16,7 @@ pub(crate) const START_MS: u64 = 1_800_000_000_000;
 pub(crate) struct Bench {
     pub(crate) now_ms: u64,
     pub(crate) dispatcher: Dispatcher,
-    pub(crate) ledger: Vec<Entry>,
+    pub(crate) ledger: Vec<LedgerEntry>,
     pub(crate) robots: Vec<FakeRobot>,
     /// Robots that neither hear nor are heard.
     pub(crate) cut: Vec<bool>,
@@ -42,16 +42,16 @@ pub(crate) fn goto(x_m: f64, y_m: f64) -> TaskSpec {
     TaskSpec::new(TaskKind::Goto { to: point(x_m, y_m) })
 }
 
-pub(crate) fn identity(run: u64) -> Identity {
-    Identity { me: me(), ledger: LEDGER, run }
+pub(crate) fn identity(run: u64) -> DispatcherIdentity {
+    DispatcherIdentity { me: me(), ledger: LEDGER, run }
 }
 
 impl Bench {
     pub(crate) fn new(robots: usize) -> Self {
-        Self::with(robots, Settings::default())
+        Self::with(robots, DispatcherSettings::default())
     }
 
-    pub(crate) fn with(robots: usize, settings: Settings) -> Self {
+    pub(crate) fn with(robots: usize, settings: DispatcherSettings) -> Self {
         let mut bench = Self {
             now_ms: START_MS,
             dispatcher: Dispatcher::recover(START_MS, identity(1), settings, []).unwrap(),
@@ -189,7 +189,7 @@ impl Bench {
     pub(crate) fn restart(&mut self) {
         let entries = self.ledger.clone();
         self.dispatcher =
-            Dispatcher::recover(self.now_ms, identity(2), Settings::default(), entries).unwrap();
+            Dispatcher::recover(self.now_ms, identity(2), DispatcherSettings::default(), entries).unwrap();
     }
 
     pub(crate) fn begun(&self) -> Vec<(u64, u32)> {

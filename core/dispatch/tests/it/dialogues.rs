@@ -25,7 +25,7 @@ fn unhex(text: &str) -> Vec<u8> {
 }
 
 /// The dispatcher's side, in bytes.
-struct Desk {
+struct Rig {
     bench: Bench,
     began_ms: u64,
     format: Format,
@@ -33,7 +33,7 @@ struct Desk {
     asks: usize,
 }
 
-impl Desk {
+impl Rig {
     fn new() -> Self {
         let bench = Bench::new(2);
         Self { began_ms: bench.now_ms, bench, format: Format::Postcard, said: String::new(), asks: 0 }
@@ -86,49 +86,49 @@ fn a_client_of_the_version_before_gets_the_answers_that_it_got_and_robots_are_as
 
 /// The format that the dispatcher answers in, as it did then.
 fn answered_as(recorded: &str) -> Format {
-    let (mut desk, mut expected, mut asked) = (Desk::new(), String::new(), 0);
+    let (mut rig, mut expected, mut asked) = (Rig::new(), String::new(), 0);
     for line in recorded.lines() {
         let [at, who, what, schema, bytes] = line.split(' ').collect::<Vec<_>>().try_into().unwrap();
-        desk.run_until(at.parse().unwrap());
+        rig.run_until(at.parse().unwrap());
         if what == "ask" {
-            desk.hear(who, schema, &unhex(bytes));
+            rig.hear(who, schema, &unhex(bytes));
             asked += 1;
         } else {
             writeln!(expected, "{line}").unwrap();
         }
     }
-    assert_eq!(desk.said, expected);
+    assert_eq!(rig.said, expected);
     assert!(asked > 12 && expected.lines().count() > 20, "{asked} questions");
-    desk.format
+    rig.format
 }
 
 struct Recorder {
-    desk: Desk,
+    rig: Rig,
     lines: String,
     asked: u128,
 }
 
 impl Recorder {
     fn keep(&mut self) {
-        self.lines.push_str(&std::mem::take(&mut self.desk.said));
+        self.lines.push_str(&std::mem::take(&mut self.rig.said));
     }
 
     fn ask(&mut self, body: DispatchBody) {
         self.asked += 1;
         let request = DispatchRequest { id: Uuid::from_u128(0xD1A0 + self.asked), body };
         self.keep();
-        self.desk.say("cli-7", "ask", &request);
+        self.rig.say("cli-7", "ask", &request);
         self.keep();
         let schema = encoding::<DispatchRequest>(Format::Postcard);
         let bytes = encode(&request, Format::Postcard).unwrap();
-        self.desk.hear("cli-7", schema.rsplit("xtb.").next().unwrap(), &bytes);
-        let until = self.desk.bench.now_ms - self.desk.began_ms + 100;
-        self.desk.run_until(until);
+        self.rig.hear("cli-7", schema.rsplit("xtb.").next().unwrap(), &bytes);
+        let until = self.rig.bench.now_ms - self.rig.began_ms + 100;
+        self.rig.run_until(until);
     }
 
     fn wait_ms(&mut self, ms: u64) {
-        let until = self.desk.bench.now_ms - self.desk.began_ms + ms;
-        self.desk.run_until(until);
+        let until = self.rig.bench.now_ms - self.rig.began_ms + ms;
+        self.rig.run_until(until);
     }
 }
 
@@ -137,7 +137,7 @@ impl Recorder {
 #[ignore = "writes the dialogue anew, into the file that DIALOGUE names"]
 fn record_a_dialogue() {
     let path = std::env::var("DIALOGUE").expect("DIALOGUE=FILE");
-    let mut it = Recorder { desk: Desk::new(), lines: String::new(), asked: 0 };
+    let mut it = Recorder { rig: Rig::new(), lines: String::new(), asked: 0 };
     let only = |number| vec![TaskId::new(number)];
     it.ask(DispatchBody::Status {});
     it.ask(DispatchBody::Submit { tasks: vec![goto(3.0, 1.0)] });

@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, goto, name, point};
 use crate::model::{Weather, World};
-use xtb_dispatch::{Entry, OpenTravelCost, TaskStore, TravelCost};
+use xtb_dispatch::{LedgerEntry, OpenTravelCost, TaskStore, TravelCost};
 use xtb_nav::{Car, MapPose};
 use xtb_protocol::messages::{
     DispatchBody, DispatchCode, DispatchOutcome, MAX_POINTS, TaskId, TaskKind, TaskSpec, TaskState, Waypoint,
@@ -248,7 +248,7 @@ fn the_entry_that_version_4_added() {
         r#"{"v":4,"n":2,"at_ms":6,"record":{"extended":{"task":"t1","after":1,"points":"#,
         r#"[{"x_m":1.5,"y_m":2.0,"yaw_rad":null}],"by":"cli-7"}}}"#
     );
-    let entry = Entry::from_json(text).unwrap();
+    let entry = LedgerEntry::from_json(text).unwrap();
     assert_eq!((entry.to_json().unwrap().as_str(), entry.record.version()), (text, 4));
 }
 
@@ -260,7 +260,7 @@ fn a_ledger_with_an_extension_of_other_points_is_damaged() {
     bench.run_ms(20);
     let place = bench.ledger.iter().position(|entry| entry.v == 4).unwrap();
     let mut twice = bench.ledger[..=place].to_vec();
-    let again = Entry { n: twice[place].n + 1, ..twice[place].clone() };
+    let again = LedgerEntry { n: twice[place].n + 1, ..twice[place].clone() };
     assert!(TaskStore::replay(9, twice.clone()).is_ok());
     twice.push(again);
     assert!(TaskStore::replay(9, twice).unwrap_err().to_string().contains("cannot have more points after 1"));

@@ -3,9 +3,9 @@
 use crate::model::{Weather, World};
 use xtb_dispatch::task_store::ReplayError;
 use xtb_dispatch::task_store::record::EntryError;
-use xtb_dispatch::{Effect, Entry, Record, TaskStore};
+use xtb_dispatch::{Effect, LedgerEntry, Record, TaskStore};
 
-fn ledger() -> (Vec<Entry>, TaskStore) {
+fn ledger() -> (Vec<LedgerEntry>, TaskStore) {
     let mut world = World::new(3, Weather::CALM);
     world.run().unwrap();
     let store = world.dispatcher.as_ref().unwrap().store().clone();
@@ -15,7 +15,7 @@ fn ledger() -> (Vec<Entry>, TaskStore) {
 #[test]
 fn a_ledger_read_again_is_the_same_book() {
     let (entries, store) = ledger();
-    let read = entries.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap());
+    let read = entries.iter().map(|entry| LedgerEntry::from_json(&entry.to_json().unwrap()).unwrap());
     assert_eq!(TaskStore::replay(2000, read).unwrap(), store);
 }
 
@@ -29,8 +29,8 @@ fn a_snapshot_stands_in_the_place_of_all_before_it() {
         world.restart();
         let now = world.dispatcher.as_ref().unwrap().store().clone();
         let record = Record::Snapshot(Box::new(now));
-        let snapshot = Entry { v: 1, n: cut as u64, at_ms: world.now_ms, record };
-        let snapshot = Entry::from_json(&snapshot.to_json().unwrap()).unwrap();
+        let snapshot = LedgerEntry { v: 1, n: cut as u64, at_ms: world.now_ms, record };
+        let snapshot = LedgerEntry::from_json(&snapshot.to_json().unwrap()).unwrap();
         let rest = entries[cut..].iter().cloned();
         assert_eq!(TaskStore::replay(2000, std::iter::once(snapshot).chain(rest)).unwrap(), store, "{cut}");
     }
@@ -56,19 +56,19 @@ fn a_snapshot_that_is_written_has_a_number_of_its_own_and_nothing_changes_by_it(
     dispatcher.written(later_ms, write.id).unwrap();
     assert_eq!(dispatcher.list(now_ms).tasks, tasks);
     assert_eq!(dispatcher.store().next_n(), entries + 2);
-    let read = write.entries.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap());
+    let read = write.entries.iter().map(|entry| LedgerEntry::from_json(&entry.to_json().unwrap()).unwrap());
     assert_eq!(&TaskStore::replay(2000, read).unwrap(), dispatcher.store());
 }
 
 #[test]
 fn what_is_missing_or_twice_or_out_of_place_is_refused() {
     let (entries, _) = ledger();
-    let gap: Vec<Entry> = entries.iter().filter(|entry| entry.n != 4).cloned().collect();
+    let gap: Vec<LedgerEntry> = entries.iter().filter(|entry| entry.n != 4).cloned().collect();
     assert_eq!(TaskStore::replay(9, gap).unwrap_err(), ReplayError::Gap { expected: 4, got: 5 });
     let twice = entries[..3].iter().chain(&entries[2..]).cloned();
     assert_eq!(TaskStore::replay(9, twice).unwrap_err(), ReplayError::Gap { expected: 4, got: 3 });
-    let headless: Vec<Entry> =
-        entries[1..].iter().zip(1..).map(|(entry, n)| Entry { n, ..entry.clone() }).collect();
+    let headless: Vec<LedgerEntry> =
+        entries[1..].iter().zip(1..).map(|(entry, n)| LedgerEntry { n, ..entry.clone() }).collect();
     assert_eq!(TaskStore::replay(9, headless).unwrap_err(), ReplayError::NoBeginning);
 }
 
@@ -77,9 +77,9 @@ fn an_entry_of_a_later_program_or_none_at_all_is_refused() {
     let (entries, _) = ledger();
     let text = entries[0].to_json().unwrap();
     let later = text.replacen("\"v\":2", "\"v\":5", 1);
-    assert_eq!(Entry::from_json(&later), Err(EntryError::Version { got: 5 }));
+    assert_eq!(LedgerEntry::from_json(&later), Err(EntryError::Version { got: 5 }));
     for bad in ["", "{}", &text[..text.len() - 1], &text.replacen("\"n\"", "\"m\"", 1)] {
-        assert!(matches!(Entry::from_json(bad), Err(EntryError::Malformed(_))), "{bad}");
+        assert!(matches!(LedgerEntry::from_json(bad), Err(EntryError::Malformed(_))), "{bad}");
     }
 }
 
@@ -107,7 +107,7 @@ fn the_entries_of_version_1() {
             r#"{"ending":"done"}},"why":null}}}"#
         ),
     ] {
-        assert_eq!(Entry::from_json(text).unwrap().to_json().unwrap(), text);
+        assert_eq!(LedgerEntry::from_json(text).unwrap().to_json().unwrap(), text);
     }
 }
 
@@ -121,7 +121,7 @@ fn the_entries_that_version_2_added() {
         r#"{"v":2,"n":4,"at_ms":8,"record":{"map":{"name":"lab","hash":"00000000000000ff"}}}"#,
         r#"{"v":2,"n":5,"at_ms":9,"record":{"adopted":{"map":"lab","by":"cli-7"}}}"#,
     ] {
-        assert_eq!(Entry::from_json(text).unwrap().to_json().unwrap(), text);
+        assert_eq!(LedgerEntry::from_json(text).unwrap().to_json().unwrap(), text);
     }
 }
 
@@ -130,7 +130,7 @@ fn the_entries_that_version_2_added() {
 fn a_snapshot_of_version_1_is_read() {
     let (_, store) = ledger();
     let record = Record::Snapshot(Box::new(store.clone()));
-    let text = Entry { v: 1, n: 9, at_ms: 9, record }.to_json().unwrap();
+    let text = LedgerEntry { v: 1, n: 9, at_ms: 9, record }.to_json().unwrap();
     let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
     let old = value["record"]["snapshot"].as_object_mut().unwrap();
     for field in ["stopped", "activated_ms", "map"] {
@@ -138,7 +138,7 @@ fn a_snapshot_of_version_1_is_read() {
     }
     let tasks = old["tasks"].as_object_mut().unwrap().values_mut();
     tasks.for_each(|task| drop(task.as_object_mut().unwrap().remove("map").unwrap()));
-    let read = TaskStore::replay(2000, [Entry::from_json(&value.to_string()).unwrap()]).unwrap();
+    let read = TaskStore::replay(2000, [LedgerEntry::from_json(&value.to_string()).unwrap()]).unwrap();
     assert_eq!((read.stopped(), read.map(), read.tasks().count()), (None, None, store.tasks().count()));
     assert!(read.tasks().all(|task| task.map == xtb_dispatch::task::TaskMap::Unknown));
 }

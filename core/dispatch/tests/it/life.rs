@@ -1,7 +1,7 @@
 //! A task's life, one event at a time.
 
 use crate::bench::{Bench, START_MS, goto, name, point};
-use xtb_dispatch::{OpenTravelCost, Settings, TravelCost};
+use xtb_dispatch::{DispatcherSettings, OpenTravelCost, TravelCost};
 use xtb_nav::{Car, MapPose};
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{
@@ -100,7 +100,7 @@ fn a_patrol_ends_when_its_time_is_up() {
 
 #[test]
 fn a_submission_is_taken_whole_or_refused_with_a_reason() {
-    let mut bench = Bench::with(1, Settings { max_open: 3, ..Settings::default() });
+    let mut bench = Bench::with(1, DispatcherSettings { max_open: 3, ..DispatcherSettings::default() });
     let tags = vec!["red".to_owned()];
     let entry = RosterEntry { name: name("xtb-1"), tags, start_pose: None };
     bench.dispatcher.roster(bench.now_ms, &Roster { robots: vec![entry] });
@@ -239,7 +239,8 @@ fn a_deadline_that_passes_stops_the_robot() {
 /// One robot, always something of priority 9 to do: what has priority 0 has its turn.
 #[test]
 fn low_priorities_do_not_starve() {
-    let mut bench = Bench::with(1, Settings { priority_step_ms: 2000, ..Settings::default() });
+    let mut bench =
+        Bench::with(1, DispatcherSettings { priority_step_ms: 2000, ..DispatcherSettings::default() });
     let low = bench.submit(TaskSpec { priority: 0, ..goto(1.1, 0.0) });
     let mut near = 0;
     while bench.state(low) != TaskState::Done && bench.now_ms < START_MS + 120_000 {

@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, goto, name, point};
 use xtb_dispatch::predicted_free::predict;
-use xtb_dispatch::{OpenTravelCost, Settings};
+use xtb_dispatch::{DispatcherSettings, OpenTravelCost};
 use xtb_nav::{Car, Gears, MapPose};
 use xtb_protocol::messages::{TaskId, TaskKind, TaskSpec, TaskState, Who};
 
@@ -43,7 +43,7 @@ fn a_robot_that_has_work_of_its_own_is_not_kept_from_it() {
 fn nearly_done_is_believed_for_as_long_as_the_settings_say() {
     let (mut bench, _, second) = nearly_done_and_far();
     bench.robots[0].goal.as_mut().unwrap().ends_ms += 120_000;
-    let reserve_ms = Settings::default().reserve_ms;
+    let reserve_ms = DispatcherSettings::default().reserve_ms;
     bench.run_ms(reserve_ms - 2000);
     assert_eq!(bench.state(second), TaskState::Queued);
     bench.run_ms(3000);

@@ -7,7 +7,7 @@ use xtb_protocol::messages::{
     Request, RobotState, TaskAction, TiltState, Via,
 };
 use xtb_protocol::{Name, Uuid};
-use xtb_robot::authority::assignments::{Assigned, Known};
+use xtb_robot::authority::assignments::{Known, NewestAssignment};
 use xtb_robot::authority::lease::{LEASE_FREE_MS, LINK_LOSS_MS, LeaseBook};
 use xtb_robot::authority::replies::ReplyBook;
 
@@ -48,7 +48,7 @@ pub(crate) struct FakeRobot {
     /// The next leg of the assignment under way.
     pub(crate) next_leg: Option<Goal>,
     pub(crate) ended: Vec<GoalEnd>,
-    pub(crate) assigned: Assigned,
+    pub(crate) assigned: NewestAssignment,
     pub(crate) replies: ReplyBook,
     /// Since when an emergency stop is latched, in ms since 1970.
     pub(crate) latched: Option<u64>,
@@ -77,7 +77,7 @@ impl FakeRobot {
             goal: None,
             next_leg: None,
             ended: Vec::new(),
-            assigned: Assigned::default(),
+            assigned: NewestAssignment::default(),
             replies: ReplyBook::default(),
             latched: None,
             blocked_until_ms: 0,

@@ -5,8 +5,10 @@ mod pair;
 use crate::model::{Weather, World};
 use pair::{Counts, Pair};
 use std::collections::BTreeSet;
-use xtb_dispatch::replication::{Active, Decision, Follow, Follower, Seen, Times, first_seq, term_of};
-use xtb_dispatch::{Entry, Record, ReplayError, TaskStore};
+use xtb_dispatch::replication::{
+    Active, Follow, Follower, Observed, StandbyDecision, Times, first_seq, term_of,
+};
+use xtb_dispatch::{LedgerEntry, Record, ReplayError, TaskStore};
 use xtb_protocol::Name;
 use xtb_protocol::messages::{MAX_ASSIGN_SEQ, MAX_TERM, Witnesses};
 
@@ -25,8 +27,8 @@ fn robots(count: usize) -> BTreeSet<Name> {
     (1..=count).map(|number| Name::new(&format!("xtb-{number}")).unwrap()).collect()
 }
 
-fn entry(n: u64, record: Record) -> Entry {
-    Entry { v: record.version(), n, at_ms: 5, record }
+fn entry(n: u64, record: Record) -> LedgerEntry {
+    LedgerEntry { v: record.version(), n, at_ms: 5, record }
 }
 
 #[test]
@@ -55,7 +57,8 @@ fn a_take_over_raises_the_numbers_of_assignments_and_ends_the_pair() {
         assert!(matches!(refused, ReplayError::Impossible { .. }), "{term}: {refused}");
     }
     let snapshot = entry(n + 2, Record::Snapshot(Box::new(store.clone())));
-    let read = TaskStore::replay(2000, [Entry::from_json(&snapshot.to_json().unwrap()).unwrap()]).unwrap();
+    let read =
+        TaskStore::replay(2000, [LedgerEntry::from_json(&snapshot.to_json().unwrap()).unwrap()]).unwrap();
     assert_eq!((read.term(), read.next_n()), (1, n + 3));
 }
 
@@ -186,29 +189,29 @@ fn a_stand_by_that_leaves_is_not_waited_for() {
 #[test]
 fn a_stand_by_takes_over_only_from_the_silent_and_only_in_time() {
     let witnesses = || Some(Witnesses { version: 2, robots: robots(3).into_iter().collect() });
-    let decide = |paired: bool, seen: &Seen, at_ms: u64| {
+    let decide = |paired: bool, seen: &Observed, at_ms: u64| {
         let mut follower = Follower::new(TIMES, 0);
         follower.answered(0, 1, paired, witnesses());
-        let mut decision = Decision::CatchingUp;
+        let mut decision = StandbyDecision::CatchingUp;
         for now_ms in (50..=at_ms).step_by(50) {
             decision = follower.step(now_ms, seen);
         }
         decision
     };
-    let seen = Seen { present: false, robots: robots(2), hears: None };
-    assert_eq!(decide(true, &seen, 1_450), Decision::Paired);
-    assert_eq!(decide(true, &seen, 1_500), Decision::TakeOver);
-    assert_eq!(decide(true, &seen, 4_000), Decision::TakeOver);
-    assert_eq!(decide(true, &seen, 4_050), Decision::Stale, "the other may have gone on alone");
-    assert_eq!(decide(false, &seen, 1_450), Decision::CatchingUp);
-    assert_eq!(decide(false, &seen, 1_500), Decision::Stale);
+    let seen = Observed { present: false, robots: robots(2), hears: None };
+    assert_eq!(decide(true, &seen, 1_450), StandbyDecision::Paired);
+    assert_eq!(decide(true, &seen, 1_500), StandbyDecision::TakeOver);
+    assert_eq!(decide(true, &seen, 4_000), StandbyDecision::TakeOver);
+    assert_eq!(decide(true, &seen, 4_050), StandbyDecision::Stale, "the other may have gone on alone");
+    assert_eq!(decide(false, &seen, 1_450), StandbyDecision::CatchingUp);
+    assert_eq!(decide(false, &seen, 1_500), StandbyDecision::Stale);
     let hears = Name::new("xtb-1").ok();
     for seen in [
-        Seen { present: true, ..seen.clone() },
-        Seen { robots: robots(1), ..seen.clone() },
-        Seen { hears, ..seen },
+        Observed { present: true, ..seen.clone() },
+        Observed { robots: robots(1), ..seen.clone() },
+        Observed { hears, ..seen },
     ] {
-        assert!(matches!(decide(true, &seen, 1_500), Decision::Waits(_)), "{seen:?}");
+        assert!(matches!(decide(true, &seen, 1_500), StandbyDecision::Waits(_)), "{seen:?}");
     }
 }
 
@@ -217,7 +220,7 @@ fn witnesses_of_an_earlier_run_do_not_count() {
     let mut follower = Follower::new(TIMES, 0);
     follower.answered(0, 1, true, Some(Witnesses { version: 2, robots: robots(1).into_iter().collect() }));
     follower.answered(10, 2, true, None);
-    assert_eq!((follower.knows(), follower.step(50, &Seen::default())), (0, Decision::CatchingUp));
+    assert_eq!((follower.knows(), follower.step(50, &Observed::default())), (0, StandbyDecision::CatchingUp));
 }
 
 fn first_breach(times: Times, seeds: std::ops::Range<u64>) -> (Option<(u64, String)>, Counts) {

@@ -1,8 +1,8 @@
 //! Seeds of bad weather, crashes at every write, and the proof that breaches are noticed.
 
 use crate::model::{Off, Weather, World};
-use xtb_dispatch::task_store::record::{Entry, Record};
-use xtb_dispatch::transition::{Change, Ending};
+use xtb_dispatch::task_store::record::{LedgerEntry, Record};
+use xtb_dispatch::transition::{TaskEnding, TaskUpdate};
 
 fn first_breach(weather: Weather, seeds: std::ops::Range<u64>) -> Option<(u64, String)> {
     seeds.into_iter().find_map(|seed| Some((seed, World::new(seed, weather).run().err()?)))
@@ -47,7 +47,7 @@ fn storms_bring_about_every_change() {
     assert_eq!(observed.into_iter().collect::<Vec<_>>(), all);
 }
 
-fn kind(entry: &Entry) -> &'static str {
+fn kind(entry: &LedgerEntry) -> &'static str {
     let change = match &entry.record {
         Record::Opened { .. } => return "opened",
         Record::Submitted { .. } => return "submitted",
@@ -64,17 +64,17 @@ fn kind(entry: &Entry) -> &'static str {
         Record::Became { change, .. } => change,
     };
     match change {
-        Change::Running => "running",
-        Change::Blocked => "blocked",
-        Change::Held { .. } => "held",
-        Change::Queued { failed: false, .. } => "queued",
-        Change::Queued { failed: true, .. } => "queued after a failure",
-        Change::Paused => "paused",
-        Change::LetGo => "let go",
-        Change::Cancelling { .. } => "cancelling",
-        Change::Ended { ending: Ending::Done } => "done",
-        Change::Ended { ending: Ending::Failed } => "failed",
-        Change::Ended { ending: Ending::Cancelled } => "ended: cancelled",
+        TaskUpdate::Running => "running",
+        TaskUpdate::Blocked => "blocked",
+        TaskUpdate::Held { .. } => "held",
+        TaskUpdate::Queued { failed: false, .. } => "queued",
+        TaskUpdate::Queued { failed: true, .. } => "queued after a failure",
+        TaskUpdate::Paused => "paused",
+        TaskUpdate::LetGo => "let go",
+        TaskUpdate::Cancelling { .. } => "cancelling",
+        TaskUpdate::Ended { ending: TaskEnding::Done } => "done",
+        TaskUpdate::Ended { ending: TaskEnding::Failed } => "failed",
+        TaskUpdate::Ended { ending: TaskEnding::Cancelled } => "ended: cancelled",
     }
 }
 

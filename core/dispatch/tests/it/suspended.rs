@@ -1,7 +1,7 @@
 //! After an emergency stop of all robots nothing is assigned, until somebody activates the dispatcher.
 
 use crate::bench::{Bench, goto, name};
-use xtb_dispatch::{Entry, Record};
+use xtb_dispatch::{LedgerEntry, Record};
 use xtb_protocol::messages::{
     Body, DispatchBody, DispatchCode, DispatchOutcome, OnTakeover, Suspension, SuspensionCause, TaskSpec,
     TaskState, Who,
@@ -99,10 +99,10 @@ fn the_suspension_outlives_restarts_and_snapshots() {
     assert_eq!((causes(&bench), bench.begun().len()), (vec![by("cli-7")], 0));
     assert!(bench.dispatcher.compact(bench.now_ms));
     bench.effects();
-    let snapshot: Vec<Entry> = bench.ledger.split_off(bench.ledger.len() - 1);
+    let snapshot: Vec<LedgerEntry> = bench.ledger.split_off(bench.ledger.len() - 1);
     assert!(matches!(snapshot[0].record, Record::Snapshot(_)));
     bench.ledger =
-        snapshot.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap()).collect();
+        snapshot.iter().map(|entry| LedgerEntry::from_json(&entry.to_json().unwrap()).unwrap()).collect();
     bench.restart();
     bench.run_ms(5000);
     assert_eq!(causes(&bench), [by("cli-7")]);

@@ -6,14 +6,14 @@ use xtb_control::units::Stamp;
 use xtb_protocol::messages::FixSource;
 
 /// Farthest coordinate, in m: the same as for straight goals.
-const LIMIT_M: f64 = xtb_control::goto::Goal::LIMIT_M;
+const LIMIT_M: f64 = xtb_control::goto::GotoGoal::LIMIT_M;
 /// Standard deviations that can be meant, in m and in rad: no tracker is better than a tenth of a millimetre,
 /// and beyond a hundred metres nothing is measured.
 const SIGMA: std::ops::RangeInclusive<f64> = 1.0e-4..=100.0;
 
 /// A pose in the map as measured from outside.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fix {
+pub struct StampedFix {
     /// When it was measured, on the robot's own clock.
     pub stamp: Stamp,
     /// East, in m.
@@ -28,7 +28,7 @@ pub struct Fix {
     pub source: FixSource,
 }
 
-impl Fix {
+impl StampedFix {
     /// A covariance without correlations.
     #[must_use]
     pub fn independent(sigma_m: f64, sigma_rad: f64) -> [[f64; 3]; 3] {

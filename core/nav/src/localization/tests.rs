@@ -60,26 +60,26 @@ impl Truck {
         (uniform() + uniform() + uniform() + uniform()) * 3.0_f64.sqrt() * sigma
     }
 
-    fn exact_fix(&self, yaw: bool) -> Fix {
-        Fix {
+    fn exact_fix(&self, yaw: bool) -> StampedFix {
+        StampedFix {
             stamp: self.now,
             x_m: self.truth.x_m,
             y_m: self.truth.y_m,
             yaw_rad: yaw.then_some(self.truth.yaw_rad),
-            covariance: Fix::independent(0.05, 0.05),
+            covariance: StampedFix::independent(0.05, 0.05),
             source: FixSource::MotionCapture,
         }
     }
 
     /// A fix with 5 cm and 0.05 rad of noise.
-    fn noisy_fix(&mut self, yaw: bool) -> Fix {
+    fn noisy_fix(&mut self, yaw: bool) -> StampedFix {
         let mut fix = self.exact_fix(yaw);
         (fix.x_m, fix.y_m) = (fix.x_m + self.noise(0.05), fix.y_m + self.noise(0.05));
         fix.yaw_rad = fix.yaw_rad.map(|yaw_rad| yaw_rad + self.noise(0.05));
         fix
     }
 
-    fn fixed(&mut self, fix: &Fix) -> FixOutcome {
+    fn fixed(&mut self, fix: &StampedFix) -> FixOutcome {
         self.filter.fix(self.now, fix).unwrap()
     }
 
@@ -138,7 +138,7 @@ fn a_rejected_fix_leaves_the_odometry_alone() {
     let mut truck = Truck::new(0.002, 0.0);
     truck.drive(3.0, 0.3, 0.5);
     let before = truck.filter.estimate(truck.now);
-    let fix = Fix { x_m: truck.truth.x_m + 1.0, ..truck.exact_fix(false) };
+    let fix = StampedFix { x_m: truck.truth.x_m + 1.0, ..truck.exact_fix(false) };
     assert!(matches!(truck.fixed(&fix), FixOutcome::Rejected { mahalanobis, limit } if mahalanobis > limit));
     let after = truck.filter.estimate(truck.now);
     assert_eq!(bits(&after.pose), bits(&before.pose));
@@ -149,7 +149,7 @@ fn a_rejected_fix_leaves_the_odometry_alone() {
 #[test]
 fn a_fix_and_the_odometry_are_weighed_by_how_sure_they_are() {
     let mut truck = Truck::new(0.0, 0.0);
-    let fix = Fix { x_m: 0.1, ..truck.exact_fix(true) };
+    let fix = StampedFix { x_m: 0.1, ..truck.exact_fix(true) };
     truck.fixed(&fix);
     let estimate = truck.filter.estimate(truck.now);
     let both = |a: f64, b: f64| 1.0 / (1.0 / (a * a) + 1.0 / (b * b));
@@ -348,7 +348,7 @@ fn a_fix_that_repeats_while_the_wheels_turn_is_none() {
         for _ in 0..libm::round(10.0 * rate_hz) as u32 {
             truck.drive(1.0 / rate_hz, 0.3, 1.0);
             let x_m = frozen.x_m + truck.noise(noise_m);
-            outcomes.push(truck.fixed(&Fix { stamp: truck.now, x_m, ..frozen }));
+            outcomes.push(truck.fixed(&StampedFix { stamp: truck.now, x_m, ..frozen }));
         }
         let used = outcomes.iter().filter(|o| matches!(o, FixOutcome::Accepted { .. })).count();
         assert!(used <= 1, "{used} at {rate_hz} Hz");
@@ -367,7 +367,7 @@ fn fixes_that_repeat_while_the_truck_stands_are_as_good_as_any() {
     let fix = truck.exact_fix(true);
     for _ in 0..20 {
         truck.drive(0.1, 0.0, 0.0);
-        assert!(matches!(truck.fixed(&Fix { stamp: truck.now, ..fix }), FixOutcome::Accepted { .. }));
+        assert!(matches!(truck.fixed(&StampedFix { stamp: truck.now, ..fix }), FixOutcome::Accepted { .. }));
     }
 }
 
@@ -406,7 +406,7 @@ fn fixes_that_are_older_than_they_say_are_found_out() {
             let fix = truck.noisy_fix(yaw);
             let ahead = if turn % 40 < 28 { 0.3 } else { -0.2 };
             truck.drive(0.2, ahead, f64::from(turn / 10 % 5) - 1.5);
-            truck.fixed(&Fix { stamp: truck.now, ..fix });
+            truck.fixed(&StampedFix { stamp: truck.now, ..fix });
         }
         let estimate = truck.filter.estimate(truck.now);
         assert!((estimate.delay_s - 0.2).abs() < 0.05, "{estimate:?}");
@@ -490,11 +490,11 @@ fn a_fix_that_cannot_be_is_refused_and_changes_nothing() {
         fix
     };
     let bad = [
-        Fix { x_m: f64::NAN, ..good },
-        Fix { y_m: f64::INFINITY, ..good },
-        Fix { x_m: 1e5, ..good },
-        Fix { yaw_rad: Some(f64::NAN), ..good },
-        Fix { stamp: truck.now.plus_ms(1), ..good },
+        StampedFix { x_m: f64::NAN, ..good },
+        StampedFix { y_m: f64::INFINITY, ..good },
+        StampedFix { x_m: 1e5, ..good },
+        StampedFix { yaw_rad: Some(f64::NAN), ..good },
+        StampedFix { stamp: truck.now.plus_ms(1), ..good },
         with(0, 0, 0.0),
         with(1, 1, -1.0),
         with(2, 2, f64::NAN),
@@ -507,7 +507,7 @@ fn a_fix_that_cannot_be_is_refused_and_changes_nothing() {
         assert!(truck.filter.fix(truck.now, &fix).is_err(), "{fix:?}");
     }
     assert_eq!(truck.filter.estimate(truck.now), before);
-    let unused = Fix { yaw_rad: None, ..with(2, 2, f64::NAN) };
+    let unused = StampedFix { yaw_rad: None, ..with(2, 2, f64::NAN) };
     assert!(truck.filter.fix(truck.now, &unused).is_ok(), "without a yaw its variance says nothing");
     let lost = OdomPose { x_m: f64::NAN, ..truck.odometry.pose() };
     assert!(truck.filter.odometry(truck.now, &lost).is_err());
@@ -556,7 +556,7 @@ fn a_wider_gate_accepts_what_the_usual_one_does_not() {
         truck.filter.tuning.gate = gate;
         truck.drive(1.0, 0.2, 0.0);
         let mut fix = truck.exact_fix(true);
-        fix.covariance = Fix::independent(0.05, 0.02);
+        fix.covariance = StampedFix::independent(0.05, 0.02);
         fix.x_m += 0.35;
         truck.fixed(&fix)
     };
@@ -577,7 +577,7 @@ proptest! {
         for (mps, curvature, tenths, yaw, sigma) in steps {
             truck.drive(f64::from(tenths) / 10.0, mps, curvature);
             let mut fix = truck.exact_fix(yaw);
-            fix.covariance = Fix::independent(sigma, sigma / 3.0);
+            fix.covariance = StampedFix::independent(sigma, sigma / 3.0);
             fix.x_m += mps * sigma;
             truck.fixed(&fix);
             let covariance = truck.filter.state.covariance;

@@ -2,7 +2,7 @@
 
 use xtb_control::config::{
     Allowed::Range,
-    Origin::{Assumed, Ours},
+    DefaultOrigin::{Assumed, Ours},
 };
 use xtb_control::config_section;
 

@@ -52,7 +52,7 @@ pub enum ZoneFinding {
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Report {
+pub struct MapReport {
     /// Free cells, in m².
     pub free_m2: f64,
     /// Occupied cells, in m².
@@ -69,7 +69,7 @@ pub struct Report {
 
 /// What a map is worth to this car.
 #[must_use]
-pub fn check(map: &Map, car: &Car) -> Report {
+pub fn check(map: &Map, car: &Car) -> MapReport {
     let bare = Islands::of(map.grid(), car);
     let mut zones: Vec<ZoneFinding> = map.zones().iter().filter_map(|zone| off_the_map(map, zone)).collect();
     let (mut free, mut occupied, mut unknown) = (0_usize, 0_usize, 0_usize);
@@ -85,7 +85,7 @@ pub fn check(map: &Map, car: &Car) -> Report {
         zones.extend(cuts(map, car, &bare, fenced));
     }
     let m2 = |cells: usize| cells as f64 * map.grid().resolution_m() * map.grid().resolution_m();
-    Report {
+    MapReport {
         free_m2: m2(free),
         occupied_m2: m2(occupied),
         unknown_m2: m2(unknown),

@@ -7,7 +7,7 @@
 use super::Navigator;
 use super::recovery::{RECOVERED_M, RECOVERY_MPS};
 use super::task::{Recovery, Stage, Task};
-use super::turn::{Decision, HoldReason, Sensed, stand};
+use super::turn::{HoldReason, Sensed, TurnDecision, stand};
 use crate::MapPose;
 use crate::path_follower::LONGEST_STEP_S;
 use xtb_control::infrared::SPACING_M;
@@ -48,13 +48,13 @@ pub(super) struct StallMonitor {
 
 impl StallMonitor {
     /// A turn that decided this.
-    pub(super) fn turn(&mut self, now: Stamp, speed_mps: f64, decision: &Decision) {
+    pub(super) fn turn(&mut self, now: Stamp, speed_mps: f64, decision: &TurnDecision) {
         let dt_s = self.before.map_or(0.0, |before| now.since_s(before)).min(LONGEST_STEP_S);
         self.before = Some(now);
         if let Some(turned_m) = &mut self.turned_m {
             *turned_m += speed_mps.abs() * dt_s;
         }
-        if let Decision::Go(Command::Follow { rpm, steering }, _) = decision
+        if let TurnDecision::Go(Command::Follow { rpm, steering }, _) = decision
             && rpm.get() != 0.0
         {
             self.asked = Some((rpm.get().signum(), steering.get()));
@@ -126,7 +126,7 @@ impl Navigator {
     }
 
     /// Back the way it came, or otherwise away from what it touched, as far as that is known to be free.
-    pub(super) fn back_off(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+    pub(super) fn back_off(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> TurnDecision {
         let from = sensed.estimate.pose;
         let (gear, steering) = self.stall_monitor.asked.unwrap_or((1.0, 0.0));
         let found = BACK_M.into_iter().find_map(|back_m| {

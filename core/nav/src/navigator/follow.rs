@@ -4,7 +4,7 @@ use super::Navigator;
 use super::following::{Beyond, Following, PathPurpose};
 use super::look_ahead::LOOK_MS;
 use super::task::{Stage, TRIES, Task};
-use super::turn::{Decision, HoldReason, Sensed, stand};
+use super::turn::{HoldReason, Sensed, TurnDecision, stand};
 use crate::MapPose;
 use crate::localization::UncertaintySpeed;
 use crate::path_follower::{DriveLimits, FollowerStatus, Stuck};
@@ -24,7 +24,7 @@ const PROGRESS_M: f64 = 0.5;
 
 impl Navigator {
     /// A turn along the path.
-    pub(super) fn follow(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+    pub(super) fn follow(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> TurnDecision {
         self.look_beyond(now, task);
         let Stage::Following(following) = &mut task.stage else { return stand(HoldReason::Planning) };
         self.look_ahead(now, sensed, following);
@@ -45,7 +45,7 @@ impl Navigator {
         let held = sensed.blocked || drive.status == FollowerStatus::Stuck(Stuck::NoMotion);
         following.blocked_since = held.then(|| following.blocked_since.unwrap_or(now));
         let command = drive.command(&self.vehicle);
-        let go = |why| Decision::Go(command, why);
+        let go = |why| TurnDecision::Go(command, why);
         if allowed == UncertaintySpeed::Stop {
             return go(Some(HoldReason::PoseUncertain));
         }
@@ -70,7 +70,7 @@ impl Navigator {
                     _ => go(Some(HoldReason::Planning)),
                 }
             }
-            FollowerStatus::Reached => Decision::Reached,
+            FollowerStatus::Reached => TurnDecision::Reached,
             FollowerStatus::Deviated { .. }
             | FollowerStatus::Stuck(Stuck::Missed | Stuck::NoProgress | Stuck::NotANumber) => {
                 self.lose_the_path(task, "the robot left its path")
@@ -140,7 +140,7 @@ impl Navigator {
     }
 
     /// Something unknown is in the way: another path, or, on traffic control's, a report to it.
-    fn find_blocked(&mut self, now: Stamp, task: &mut Task, at: [f64; 2]) -> Decision {
+    fn find_blocked(&mut self, now: Stamp, task: &mut Task, at: [f64; 2]) -> TurnDecision {
         task.blocked_at = Some(at);
         let Stage::Following(following) = &task.stage else { return stand(HoldReason::WayBlocked) };
         if following.plan > 0 && self.guidance.is_alive(now) {
@@ -150,11 +150,11 @@ impl Navigator {
     }
 
     /// Another path from here, unless that was tried often enough.
-    pub(super) fn lose_the_path(&mut self, task: &mut Task, why: &str) -> Decision {
+    pub(super) fn lose_the_path(&mut self, task: &mut Task, why: &str) -> TurnDecision {
         task.lost_paths += 1;
         why.clone_into(&mut task.last_failure);
         if task.lost_paths > TRIES || task.plans >= MOST_PLANS {
-            return Decision::Failed(task.failure());
+            return TurnDecision::Failed(task.failure());
         }
         if let Stage::Following(following) = &task.stage {
             task.lost_start = (following.plan > 0).then_some(following.path.start);

@@ -3,7 +3,7 @@
 use super::Navigator;
 use super::look_ahead::near_m;
 use super::task::{PAUSE_MS, Recovery, Stage, TRIES, Task};
-use super::turn::{Decision, HoldReason, Sensed, stand};
+use super::turn::{HoldReason, Sensed, TurnDecision, stand};
 use super::visibility::{BODY_STEP_M, GOES_ON_M, IN_THE_WAY_M, blind_points};
 use crate::MapPose;
 use crate::geometry::{Cell, Path, Piece, distance_m};
@@ -38,9 +38,9 @@ impl Navigator {
         until: Stamp,
         sensed: &Sensed<'_>,
         task: &mut Task,
-    ) -> Decision {
+    ) -> TurnDecision {
         if task.tries > TRIES {
-            return Decision::Failed(task.failure());
+            return TurnDecision::Failed(task.failure());
         }
         if now < until {
             return stand(task.pausing());
@@ -72,7 +72,7 @@ impl Navigator {
         task: &mut Task,
         way_m: f64,
         steerings: [f64; 3],
-    ) -> Option<Decision> {
+    ) -> Option<TurnDecision> {
         let from = sensed.estimate.pose;
         let steering = self.way_out(now, &from, way_m, steerings)?;
         let until = now.plus_ms(RECOVERY_MS);
@@ -131,7 +131,7 @@ impl Navigator {
     }
 
     /// The memorandum's avoidance (§4.6), astern while turning, or away from what was touched.
-    pub(super) fn recover(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> Decision {
+    pub(super) fn recover(&mut self, now: Stamp, sensed: &Sensed<'_>, task: &mut Task) -> TurnDecision {
         let Stage::Recovering(Recovery { until, steering, from, way_m }) = task.stage else {
             return stand(HoldReason::Planning);
         };
@@ -144,6 +144,6 @@ impl Navigator {
         let mps = RECOVERY_MPS.min(self.settings.drive.limit_mps) * way_m.signum();
         let rpm = WheelRpm::try_from(mps / self.vehicle.mps_per_rpm()).unwrap_or(WheelRpm::ZERO);
         let steering = Steering::try_from(steering).unwrap_or(Steering::CENTRED);
-        Decision::Go(Command::Follow { rpm, steering }, None)
+        TurnDecision::Go(Command::Follow { rpm, steering }, None)
     }
 }

@@ -10,12 +10,12 @@
 //!
 //! Words: a *place* is a body somewhere along a way; a robot that is *alone* keeps to this rule.
 
-use super::turn::STANDS_MPS;
 use super::{MARGIN_M, ROBOT_MARGIN_M};
 use crate::MapPose;
 use crate::geometry::{Car, Path, Piece, Rect, distance_m};
 use crate::settings::MEETING_MPS;
 use std::sync::Arc;
+use xtb_control::speed::STANDS_MPS;
 use xtb_control::{Mode, Stamp};
 pub use xtb_protocol::messages::NearRole as Role;
 use xtb_protocol::messages::{RobotState, RouteSource, Via};

@@ -292,7 +292,7 @@ mod tests {
     use crate::geometry::{Cell, Grid, Piece};
     use crate::localization::FilterTuning;
     use crate::map::Map;
-    use crate::navigator::{Decision, HoldReason, PreparedMap, TargetPose};
+    use crate::navigator::{HoldReason, PreparedMap, TargetPose, TurnDecision};
     use crate::{NavSettings, PoseFilter};
     use std::sync::Arc;
     use xtb_control::VehicleConfig;
@@ -312,7 +312,7 @@ mod tests {
     }
 
     /// What a robot with a body this wide decides at once, and after it has been sent along this piece for long.
-    fn sent_along(width_m: f64, piece: Piece) -> [Decision; 2] {
+    fn sent_along(width_m: f64, piece: Piece) -> [TurnDecision; 2] {
         let mut vehicle = VehicleConfig::default();
         vehicle.geometry.body_width_m = width_m;
         let mut navigator = Navigator::new(&vehicle, &NavSettings::default());
@@ -343,16 +343,16 @@ mod tests {
     #[test]
     fn a_path_that_is_not_for_this_vehicle_is_refused_with_the_reason() {
         let straight = Piece { length_m: 1.5, curvature_per_m: 0.0 };
-        let refused = |decision: &Decision, word: &str| match decision {
-            Decision::Failed(why) => {
+        let refused = |decision: &TurnDecision, word: &str| match decision {
+            TurnDecision::Failed(why) => {
                 assert!(why.starts_with("wrong_vehicle: ") && why.contains(word), "{why}")
             }
             other => panic!("{other:?}"),
         };
         let taken = &sent_along(0.4, straight)[0];
-        assert!(matches!(taken, Decision::Go(_, None | Some(HoldReason::AtCusp))), "{taken:?}");
+        assert!(matches!(taken, TurnDecision::Go(_, None | Some(HoldReason::AtCusp))), "{taken:?}");
         let [first, later] = sent_along(1.1, straight);
-        assert!(!matches!(first, Decision::Failed(_)), "another plan may be on its way: {first:?}");
+        assert!(!matches!(first, TurnDecision::Failed(_)), "another plan may be on its way: {first:?}");
         refused(&later, "0.50 × 1.10 m");
         refused(&sent_along(0.4, Piece { curvature_per_m: 5.0, ..straight })[0], "radius of 0.200 m");
         refused(&sent_along(0.4, Piece { length_m: 900.0, ..straight })[1], "longer than 500 m");

@@ -3,13 +3,9 @@
 use crate::geometry::Path;
 use crate::localization::Estimate;
 use xtb_control::infrared::BumperRanges;
+use xtb_control::speed::STANDS_MPS;
 use xtb_control::{Command, Steering, WheelRpm};
 use xtb_protocol::messages::NavPhase;
-
-/// Slower than this is standing, in m/s: at most two pulses of the encoder in a window, one being 0.005 m/s
-/// with the default encoder, gear and tyres. The follower's own limit, `follower.standing_mps`, is lower, at
-/// most one pulse: its wheels must not roll at all when it changes gear.
-pub const STANDS_MPS: f64 = 0.01;
 
 /// Where to go.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +60,7 @@ pub enum HoldReason {
 
 /// What a turn decides.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Decision {
+pub enum TurnDecision {
     /// For the first level; why, if it stands.
     Go(Command, Option<HoldReason>),
     /// The goal is reached.
@@ -74,13 +70,13 @@ pub enum Decision {
 }
 
 /// Stands with straight wheels.
-pub(super) fn stand(why: HoldReason) -> Decision {
-    Decision::Go(Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED }, Some(why))
+pub(super) fn stand(why: HoldReason) -> TurnDecision {
+    TurnDecision::Go(Command::Follow { rpm: WheelRpm::ZERO, steering: Steering::CENTRED }, Some(why))
 }
 
 /// How a path is driven, for the state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress<'a> {
+pub struct DriveProgress<'a> {
     /// `None` while there is none.
     pub path: Option<&'a Path>,
     /// Traffic control's number of it; 0 = its own, or none.

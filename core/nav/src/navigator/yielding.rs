@@ -16,7 +16,7 @@ use super::replan::{Blocker, PlanFailure, Planned};
 use super::right_of_way::{Hold, InTheWay, LOST_TURN_MS, Neighbour, NeighbourNow, Role, hold};
 use super::task::{PAUSE_MS, Stage, TRIES, Task, Yielding};
 use super::traffic_guidance::MOTION_ALLOWANCE_M;
-use super::turn::{Decision, HoldReason, stand};
+use super::turn::{HoldReason, TurnDecision, stand};
 use crate::MapPose;
 use crate::geometry::{Car, Path, Rect, distance_m};
 use std::sync::Arc;
@@ -103,7 +103,7 @@ impl Navigator {
     }
 
     /// Stands on its path because of another robot: why, or what to do instead.
-    pub(super) fn wait_for_other(&mut self, now: Stamp, task: &mut Task) -> Result<HoldReason, Decision> {
+    pub(super) fn wait_for_other(&mut self, now: Stamp, task: &mut Task) -> Result<HoldReason, TurnDecision> {
         let Stage::Following(following) = &task.stage else { return Err(stand(HoldReason::Planning)) };
         let held = following.held.clone();
         let Some(Hold { name, what, .. }) = held.hold else { return Ok(HoldReason::GivingWay) };
@@ -129,7 +129,7 @@ impl Navigator {
         task.yielding.blocked_by = Some(name);
         task.tries += u32::from(through);
         if held_ms >= MOST_MS || task.tries > TRIES {
-            return Err(Decision::Failed(task.failure()));
+            return Err(TurnDecision::Failed(task.failure()));
         }
         Err(self.lose_the_path(task, "another robot"))
     }

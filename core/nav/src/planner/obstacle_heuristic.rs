@@ -175,8 +175,8 @@ impl ObstacleHeuristic {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planner::space::{GridSpace, Layers, LookOut};
-    use crate::rooms::{Draw, Room};
+    use crate::planner::space::{GridLayers, GridSpace, LookOut};
+    use crate::rooms::{Draw, RoomKind};
 
     const CAR: crate::Car = crate::Car {
         front_m: 0.25,
@@ -187,8 +187,8 @@ mod tests {
     };
     const SIDE_M: f64 = 0.05;
 
-    fn space(room: Room, seed: u64) -> GridSpace {
-        GridSpace::new(&Layers::map(&room.grid(seed)), CAR, LookOut::OFF).unwrap()
+    fn space(room: RoomKind, seed: u64) -> GridSpace {
+        GridSpace::new(&GridLayers::map(&room.grid(seed)), CAR, LookOut::OFF).unwrap()
     }
 
     /// Ways from a point to all of these, measured from there outwards in all directions.
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn whichever_way_it_grows_first_the_ways_are_the_same() {
-        for (room, seed) in Room::ALL.into_iter().flat_map(|room| (1..4).map(move |seed| (room, seed))) {
+        for (room, seed) in RoomKind::ALL.into_iter().flat_map(|room| (1..4).map(move |seed| (room, seed))) {
             let (space, mut draw) = (space(room, seed), Draw::new(seed));
             let mut place = || draw.free_pose(&space).map(|pose| [pose.x_m, pose.y_m]).unwrap();
             let (goal, start) = (place(), place());
@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn a_way_to_the_other_end_does_not_look_at_the_whole_floor() {
         let space = GridSpace::new(
-            &Layers::map(&crate::Grid::free(SIDE_M, [0.0, 0.0], 200, 200).unwrap()),
+            &GridLayers::map(&crate::Grid::free(SIDE_M, [0.0, 0.0], 200, 200).unwrap()),
             CAR,
             LookOut::OFF,
         )

@@ -10,7 +10,7 @@ pub(super) const GOAL_HEADINGS: u16 = 24;
 
 /// Where to go.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Goal {
+pub struct PlannerGoal {
     /// In m.
     pub x_m: f64,
     /// In m.
@@ -23,7 +23,7 @@ pub struct Goal {
     pub tolerance_rad: f64,
 }
 
-impl Goal {
+impl PlannerGoal {
     /// This pose exactly.
     #[must_use]
     pub fn exactly(pose: &MapPose) -> Self {
@@ -107,7 +107,11 @@ impl Default for PlannerSettings {
 }
 
 /// Refuses what is not finite or makes no search.
-pub(super) fn check(start: &MapPose, goal: &Goal, settings: &PlannerSettings) -> Result<(), PlanError> {
+pub(super) fn check(
+    start: &MapPose,
+    goal: &PlannerGoal,
+    settings: &PlannerSettings,
+) -> Result<(), PlanError> {
     if ![start.x_m, start.y_m, start.yaw_rad].iter().all(|v| v.is_finite()) {
         return Err(PlanError::NotAPose(End::Start));
     }

@@ -7,7 +7,7 @@ mod layer;
 mod one_way;
 mod sweep;
 
-pub use grid_space::{GridSpace, Layers, LayersError, LookOut};
+pub use grid_space::{GridLayers, GridSpace, LayersError, LookOut};
 pub use one_way::OneWay;
 
 use crate::MapPose;
@@ -16,7 +16,7 @@ use std::fmt;
 
 /// What stands in the way.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum What {
+pub enum Obstruction {
     /// An occupied cell of the map.
     Wall,
     /// A cell nobody has looked at.
@@ -43,20 +43,20 @@ pub struct Hit {
     /// A point of what it would touch, in m.
     pub y_m: f64,
     /// What it is.
-    pub what: What,
+    pub what: Obstruction,
 }
 
 impl fmt::Display for Hit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.what {
-            What::Wall => write!(f, "an obstacle on the map")?,
-            What::Unknown => write!(f, "an unknown cell")?,
-            What::Edge => write!(f, "the edge of the map")?,
-            What::KeepOut(name) => write!(f, "keep-out {name}")?,
-            What::Local => write!(f, "an unmapped obstacle")?,
-            What::OneWay => write!(f, "the wrong way of a one-way zone")?,
-            What::Unseen => write!(f, "a way on which the car has no range finder")?,
-            What::Other(name) => write!(f, "{name}")?,
+            Obstruction::Wall => write!(f, "an obstacle on the map")?,
+            Obstruction::Unknown => write!(f, "an unknown cell")?,
+            Obstruction::Edge => write!(f, "the edge of the map")?,
+            Obstruction::KeepOut(name) => write!(f, "keep-out {name}")?,
+            Obstruction::Local => write!(f, "an unmapped obstacle")?,
+            Obstruction::OneWay => write!(f, "the wrong way of a one-way zone")?,
+            Obstruction::Unseen => write!(f, "a way on which the car has no range finder")?,
+            Obstruction::Other(name) => write!(f, "{name}")?,
         }
         write!(f, " at ({:.2}, {:.2})", self.x_m, self.y_m)
     }

@@ -1,7 +1,7 @@
 //! What a check finds.
 
 use xtb_control::VehicleConfig;
-use xtb_nav::map::check::{Report, ZoneFinding, check};
+use xtb_nav::map::check::{MapReport, ZoneFinding, check};
 use xtb_nav::map::raster;
 use xtb_nav::{Car, Cell, Grid, Map, Zone, ZoneKind};
 
@@ -15,7 +15,7 @@ fn room(door_m: f64) -> Grid {
     grid
 }
 
-fn found(grid: Grid, zones: Vec<Zone>) -> Report {
+fn found(grid: Grid, zones: Vec<Zone>) -> MapReport {
     check(&Map::new("room", grid, zones).unwrap(), &Car::of(&VehicleConfig::default()))
 }
 

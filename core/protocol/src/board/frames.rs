@@ -5,7 +5,7 @@ use crate::bno085::Bno085Sample;
 use thiserror::Error;
 use xtb_board_codec::FrameError;
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
-use xtb_control::tpu::{ResetMask, Setup};
+use xtb_control::tpu::{ResetMask, TpuSetup};
 use xtb_control::units::OutOfRange;
 
 pub use xtb_board_codec::{ADC_SCANS, Frame, MAX_FRAME, MAX_PULSES};
@@ -62,7 +62,7 @@ pub enum ToBoard {
     /// Ten pulses.
     Pwm(PwmOutputs),
     /// How to configure itself (Fig. 8).
-    Setup(Setup),
+    Setup(TpuSetup),
     /// Channels of the remote control to reset (Fig. 9).
     Reset(ResetMask),
     /// What else to send.

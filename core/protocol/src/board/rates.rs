@@ -7,7 +7,7 @@
 use crate::bno085;
 use crate::gyro_3dmg::{EULER_LEN, FIRMWARE_LEN, PERIOD_MS, START_CONTINUOUS, STOP_CONTINUOUS};
 use thiserror::Error;
-use xtb_control::tpu::Setup;
+use xtb_control::tpu::TpuSetup;
 use xtb_control::vehicle::{SLOTS, USUAL_SLOTS};
 
 /// Bits of one byte on the line: start, eight, stop.
@@ -113,7 +113,7 @@ impl LineRates {
                 frame("status", FromDevice, 8, STATUS_EVERY_S, ""),
                 frame("pwm", ToDevice, 20, PWM_EVERY_S, ""),
                 frame("early pwm", ToDevice, 20, 1.0 / f64::from(EARLY_PWM_A_SECOND), "after new setpoints"),
-                frame("set-up", ToDevice, Setup::LEN, SETUP_EVERY_S, "until confirmed"),
+                frame("set-up", ToDevice, TpuSetup::LEN, SETUP_EVERY_S, "until confirmed"),
                 frame("channel reset", ToDevice, 2, remote_s, "while a channel reads 420 %"),
             ],
         }
@@ -288,7 +288,7 @@ mod tests {
             setup_checksum: 0,
             rejected: 0,
         };
-        let setup = Setup::of(&VehicleConfig::default()).unwrap();
+        let setup = TpuSetup::of(&VehicleConfig::default()).unwrap();
         let mut writer = FrameWriter::default();
         let written = [
             ("encoder", writer.encoder(0)),

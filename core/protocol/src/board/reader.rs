@@ -6,7 +6,7 @@ use crate::bno085::Bno085Sample;
 use xtb_board_codec::flags::{EMERGENCY_STOP, READY, WATCHDOG};
 use xtb_board_codec::{Content, NO_PULSE, NOT_FITTED, Reader, ask, kind};
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
-use xtb_control::tpu::{ResetMask, Setup};
+use xtb_control::tpu::{ResetMask, TpuSetup};
 use xtb_control::units::{AdcCount, PwmCount};
 
 /// What a reader has seen go wrong since the start.
@@ -162,9 +162,9 @@ fn parse_adc(words: &[u16; 19], more: Option<[u16; 4]>) -> Result<FromBoard, Boa
 fn parse_to_board(kind: u8, payload: &[u8]) -> Result<ToBoard, BoardError> {
     match kind {
         kind::PWM => parse_pwm(&words::<10>(kind, payload)?).map(ToBoard::Pwm),
-        kind::SETUP => match <&[u8; Setup::LEN]>::try_from(payload) {
-            Ok(bytes) => Ok(ToBoard::Setup(Setup::from_bytes(bytes))),
-            Err(_) => Err(BoardError::Length { kind, got: payload.len(), expected: Setup::LEN }),
+        kind::SETUP => match <&[u8; TpuSetup::LEN]>::try_from(payload) {
+            Ok(bytes) => Ok(ToBoard::Setup(TpuSetup::from_bytes(bytes))),
+            Err(_) => Err(BoardError::Length { kind, got: payload.len(), expected: TpuSetup::LEN }),
         },
         kind::RESET => {
             let [bits] = words::<1>(kind, payload)?;

@@ -6,7 +6,7 @@ use crate::bno085::Bno085Sample;
 use xtb_board_codec::flags::{EMERGENCY_STOP, READY, WATCHDOG};
 use xtb_board_codec::{NO_PULSE, NOT_FITTED, Writer, ask, kind};
 use xtb_control::controller::{AdcSample, PwmOutputs, RemoteSample};
-use xtb_control::tpu::{ResetMask, Setup};
+use xtb_control::tpu::{ResetMask, TpuSetup};
 use xtb_control::units::{AdcCount, PwmCount};
 use xtb_control::vehicle::USUAL_SLOTS;
 
@@ -36,7 +36,7 @@ impl FrameWriter {
     }
 
     /// The agent's: how the board shall configure itself.
-    pub fn setup(&mut self, setup: &Setup) -> Frame {
+    pub fn setup(&mut self, setup: &TpuSetup) -> Frame {
         let bytes = setup.to_bytes();
         self.writer
             .frame(kind::SETUP, bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])))

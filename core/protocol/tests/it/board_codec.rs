@@ -1,7 +1,7 @@
 //! The numbers of `xtb-board-codec`, which the firmware uses, are those of the typed frames.
 
 use xtb_board_codec as codec;
-use xtb_control::tpu::{PINS, SYSTEM_CLOCK_HZ, Setup};
+use xtb_control::tpu::{PINS, SYSTEM_CLOCK_HZ, TpuSetup};
 use xtb_control::{AdcCount, PwmCount, VehicleConfig};
 use xtb_protocol::bno085::Bno085Sample;
 use xtb_protocol::board::{
@@ -10,7 +10,7 @@ use xtb_protocol::board::{
 
 #[test]
 fn a_set_up_is_the_same_bytes_and_the_same_check_sum() {
-    let typed = Setup::of(&VehicleConfig::default()).unwrap();
+    let typed = TpuSetup::of(&VehicleConfig::default()).unwrap();
     let plain = codec::Setup::from_payload(&typed.to_bytes()).unwrap();
     assert_eq!(plain.to_bytes(), typed.to_bytes());
     assert_eq!(plain.checksum(), typed.checksum());

@@ -1,7 +1,7 @@
 //! `docs/io-board.md` is what firmware is written from: its examples, tables and names are ours.
 
 use xtb_control::controller::{AdcSample, GyroSample, PwmOutputs, RemoteSample};
-use xtb_control::tpu::{ResetMask, Setup, WATCHDOG_MS};
+use xtb_control::tpu::{ResetMask, TpuSetup, WATCHDOG_MS};
 use xtb_control::{AdcCount, PwmCount, VehicleConfig};
 use xtb_protocol::bno085::Bno085Sample;
 use xtb_protocol::board::rates::{Direction, HEAD_ROOM, LineRates};
@@ -37,8 +37,8 @@ fn after(before: usize, write: impl Fn(&mut FrameWriter) -> Frame) -> Frame {
     write(&mut writer)
 }
 
-fn setup() -> Setup {
-    Setup::of(&VehicleConfig::default()).unwrap()
+fn setup() -> TpuSetup {
+    TpuSetup::of(&VehicleConfig::default()).unwrap()
 }
 
 fn board() -> LineRates {

@@ -11,7 +11,7 @@ use super::well_known::{Log, Pose, PoseInFrame, SceneEntity, SceneEntityDeletion
 use std::collections::BTreeMap;
 use xtb_client::client::STALE;
 use xtb_client::messages::AnyMessage;
-use xtb_client::scene::{Body, MOST_ROBOTS};
+use xtb_client::scene::{CarBody, MOST_ROBOTS};
 use xtb_client::text::reasons;
 use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{Event, EventKind, PoseState, RobotState, Sensors, TaskEvent};
@@ -42,7 +42,7 @@ struct Drawn {
 pub struct Painter {
     robots: BTreeMap<Name, Drawn>,
     /// What they are, for as long as this paints: said once, true also when all is drawn anew.
-    bodies: BTreeMap<Name, Body>,
+    bodies: BTreeMap<Name, CarBody>,
 }
 
 impl Painter {
@@ -53,7 +53,7 @@ impl Painter {
             (AnyMessage::Sensors(sensors), Some(name)) => self.sight(at_ns, name, sensors),
             (AnyMessage::About(about), Some(name)) => {
                 if self.bodies.len() < MOST_ROBOTS || self.bodies.contains_key(name) {
-                    self.bodies.insert(name.clone(), Body::of_about(about));
+                    self.bodies.insert(name.clone(), CarBody::of_about(about));
                 }
                 None
             }
@@ -72,7 +72,7 @@ impl Painter {
     }
 
     /// An XTB's, of a robot that has not said what car it is.
-    fn body(&self, name: &Name) -> Body {
+    fn body(&self, name: &Name) -> CarBody {
         self.bodies.get(name).cloned().unwrap_or_default()
     }
 

@@ -1,6 +1,6 @@
 //! The files of a recording: FILE, then FILE with -2, -3 … before its ending as each becomes too long.
 
-use super::recorder::{Counts, Record, Recorder};
+use super::recorder::{FileRecord, Recorder, RecordingCounts};
 use super::{BEGAN, COUNTS};
 use crate::error::Error;
 use crate::output::Output;
@@ -44,7 +44,7 @@ pub struct McapWriter {
     /// Bytes of the files before this one.
     finished_bytes: u64,
     paths: Vec<PathBuf>,
-    told: Counts,
+    told: RecordingCounts,
 }
 
 impl McapWriter {
@@ -60,7 +60,7 @@ impl McapWriter {
             _ => cannot_write(&path, &error.into()),
         })?;
         let reel = Reel::begin(&settings, &path, file, 1, at_ns).map_err(|e| cannot_write(&path, &e))?;
-        let told = Counts::default();
+        let told = RecordingCounts::default();
         Ok(Self { settings, reel, number: 1, finished_bytes: 0, paths: vec![path], told })
     }
 
@@ -68,7 +68,7 @@ impl McapWriter {
     ///
     /// # Errors
     /// [`Error::Write`]: the disk is full or gone.
-    pub fn write(&mut self, records: Vec<Record>) -> Result<(), Error> {
+    pub fn write(&mut self, records: Vec<FileRecord>) -> Result<(), Error> {
         let reel = &mut self.reel;
         records.into_iter().try_for_each(|record| reel.write(record)).map_err(|e| self.failed(&e))
     }
@@ -78,8 +78,13 @@ impl McapWriter {
     ///
     /// # Errors
     /// [`Error::Write`]: the disk is full or gone.
-    pub fn flush(&mut self, recorder: &mut Recorder, counts: Counts, at_ns: u64) -> Result<(), Error> {
-        let bad = |counts: &Counts| (counts.dropped, counts.unreadable);
+    pub fn flush(
+        &mut self,
+        recorder: &mut Recorder,
+        counts: RecordingCounts,
+        at_ns: u64,
+    ) -> Result<(), Error> {
+        let bad = |counts: &RecordingCounts| (counts.dropped, counts.unreadable);
         if bad(&counts) != bad(&self.told) {
             self.told = counts;
             self.reel.tell(COUNTS, counted(&counts)).map_err(|e| self.failed(&e))?;
@@ -91,7 +96,7 @@ impl McapWriter {
         Ok(())
     }
 
-    fn turn(&mut self, recorder: &mut Recorder, counts: Counts, at_ns: u64) -> Result<(), Error> {
+    fn turn(&mut self, recorder: &mut Recorder, counts: RecordingCounts, at_ns: u64) -> Result<(), Error> {
         self.finish(counts)?;
         let (path, file) = self.next_file()?;
         let begun = Reel::begin(&self.settings, &path, file, self.number, at_ns);
@@ -117,7 +122,7 @@ impl McapWriter {
     ///
     /// # Errors
     /// [`Error::Write`]: the disk is full or gone.
-    pub fn finish(&mut self, counts: Counts) -> Result<(), Error> {
+    pub fn finish(&mut self, counts: RecordingCounts) -> Result<(), Error> {
         let bytes = self.reel.finish(&counts).map_err(|e| self.failed(&e))?;
         self.finished_bytes += bytes;
         Ok(())
@@ -164,12 +169,12 @@ impl Reel {
         Ok(reel)
     }
 
-    fn write(&mut self, record: Record) -> McapResult<()> {
+    fn write(&mut self, record: FileRecord) -> McapResult<()> {
         match record {
-            Record::Topic { number, name, schema } => {
+            FileRecord::Topic { number, name, schema } => {
                 self.topics.insert(number, self.output.topic(&name, schema)?);
             }
-            Record::Message { topic, sequence, log_ns, data } => {
+            FileRecord::Message { topic, sequence, log_ns, data } => {
                 let channel = *self.topics.get(&topic).ok_or(McapError::UnknownChannel(sequence, topic))?;
                 self.output.message(channel, sequence, log_ns, &data)?;
             }
@@ -188,7 +193,7 @@ impl Reel {
         Ok(self.output.file.metadata()?.len())
     }
 
-    fn finish(&mut self, counts: &Counts) -> McapResult<u64> {
+    fn finish(&mut self, counts: &RecordingCounts) -> McapResult<u64> {
         self.tell(COUNTS, counted(counts))?;
         self.output.finish()?;
         Ok(self.output.file.metadata()?.len())
@@ -206,8 +211,8 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_file_name(format!("{stem}-{number}{ending}"))
 }
 
-fn counted(counts: &Counts) -> BTreeMap<String, String> {
-    let Counts { messages, derived, repeated, unreadable, dropped } = counts;
+fn counted(counts: &RecordingCounts) -> BTreeMap<String, String> {
+    let RecordingCounts { messages, derived, repeated, unreadable, dropped } = counts;
     [
         ("messages", messages),
         ("derived", derived),

@@ -9,7 +9,7 @@
 //!                            ended (a seek plays on)
 //! ```
 
-use super::reader::Span;
+use super::reader::TimeSpan;
 use std::time::Duration;
 use xtb_protocol::keys::Channel;
 
@@ -46,7 +46,7 @@ pub enum Move {
 /// The place in a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Player {
-    span: Span,
+    span: TimeSpan,
     position_ns: u64,
     speed: f64,
     repeat: bool,
@@ -57,7 +57,7 @@ pub struct Player {
 impl Player {
     /// At the place that the settings name.
     #[must_use]
-    pub fn new(span: Span, settings: PlaySettings) -> Self {
+    pub fn new(span: TimeSpan, settings: PlaySettings) -> Self {
         let mut player = Self {
             span,
             position_ns: 0,
@@ -186,7 +186,7 @@ mod tests {
     const BEGAN_NS: u64 = 1_700_000_000_000_000_000;
 
     fn player(settings: PlaySettings) -> Player {
-        let span = Span { began_ns: BEGAN_NS, ended_ns: BEGAN_NS + 100_000 * NS_PER_MS };
+        let span = TimeSpan { began_ns: BEGAN_NS, ended_ns: BEGAN_NS + 100_000 * NS_PER_MS };
         let mut player = Player::new(span, settings);
         assert_eq!(player.advance(Duration::ZERO), Move::Again);
         player

@@ -29,14 +29,14 @@ pub struct Recorded {
 
 /// From when to when a recording goes, in ns since 1970.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Span {
+pub struct TimeSpan {
     /// The first message.
     pub began_ns: u64,
     /// The last one.
     pub ended_ns: u64,
 }
 
-impl Span {
+impl TimeSpan {
     /// How long it is.
     #[must_use]
     pub fn duration_ns(self) -> u64 {
@@ -45,7 +45,7 @@ impl Span {
 }
 
 /// A recording that is being read.
-pub struct Reader {
+pub struct RecordingReader {
     input: Input,
     path: PathBuf,
     schemas: HashMap<u16, String>,
@@ -53,7 +53,7 @@ pub struct Reader {
     metadata: BTreeMap<String, BTreeMap<String, String>>,
 }
 
-impl Reader {
+impl RecordingReader {
     /// Opens a recording at its beginning.
     ///
     /// # Errors
@@ -144,18 +144,20 @@ impl Reader {
 ///
 /// # Errors
 /// It cannot be read, or holds no message.
-pub fn span(path: &Path) -> Result<Span, Error> {
-    let mut reader = Reader::with(path, bounds::reader_options().with_emit_chunks(true))?;
-    let mut found: Option<Span> = None;
+pub fn span(path: &Path) -> Result<TimeSpan, Error> {
+    let mut reader = RecordingReader::with(path, bounds::reader_options().with_emit_chunks(true))?;
+    let mut found: Option<TimeSpan> = None;
     while let Some(record) = reader.next_record()? {
         let (began_ns, ended_ns) = match record {
             Record::Chunk { header, .. } => (header.message_start_time, header.message_end_time),
             Record::Message { header, .. } => (header.log_time, header.log_time),
             _ => continue,
         };
-        let so_far = found.unwrap_or(Span { began_ns, ended_ns });
-        found =
-            Some(Span { began_ns: so_far.began_ns.min(began_ns), ended_ns: so_far.ended_ns.max(ended_ns) });
+        let so_far = found.unwrap_or(TimeSpan { began_ns, ended_ns });
+        found = Some(TimeSpan {
+            began_ns: so_far.began_ns.min(began_ns),
+            ended_ns: so_far.ended_ns.max(ended_ns),
+        });
     }
     found.ok_or(Error::Empty)
 }
@@ -164,12 +166,12 @@ pub fn span(path: &Path) -> Result<Span, Error> {
 ///
 /// # Errors
 /// It cannot be read, or is no recording of a fleet.
-pub fn begin(path: &Path) -> Result<(Reader, Name), Error> {
-    let mut first = Reader::open(path)?;
+pub fn begin(path: &Path) -> Result<(RecordingReader, Name), Error> {
+    let mut first = RecordingReader::open(path)?;
     let message = first.next_message()?.ok_or(Error::Empty)?;
     let told = first.fleet().and_then(|fleet| Name::new(fleet).ok());
     let fleet = told.or_else(|| Some(Key::parse(&message.topic)?.fleet)).ok_or(Error::NotOfAFleet)?;
-    Ok((Reader::open(path)?, fleet))
+    Ok((RecordingReader::open(path)?, fleet))
 }
 
 /// One message as screens take it; `None` for what is derived of others.

@@ -20,7 +20,7 @@ const MOST_TOPICS: usize = 4096;
 
 /// What belongs into a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Record {
+pub enum FileRecord {
     /// A topic, before its first message.
     Topic {
         /// Its number.
@@ -45,7 +45,7 @@ pub enum Record {
 
 /// What was and was not kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, JsonSchema)]
-pub struct Counts {
+pub struct RecordingCounts {
     /// Messages and changes of presence.
     pub messages: u64,
     /// Poses, scenes and lines of the log that were made of them.
@@ -72,12 +72,12 @@ struct Topic {
 pub struct Recorder {
     topics: BTreeMap<String, Topic>,
     painter: Painter,
-    counts: Counts,
+    counts: RecordingCounts,
 }
 
 impl Recorder {
     /// What came in at `at_ns` since 1970.
-    pub fn take(&mut self, at_ns: u64, item: &Item) -> Vec<Record> {
+    pub fn take(&mut self, at_ns: u64, item: &Item) -> Vec<FileRecord> {
         match AnyMessage::of(item) {
             // The state says the same, once and not once a cell.
             Ok((_, AnyMessage::Near(_))) => Vec::new(),
@@ -91,7 +91,7 @@ impl Recorder {
     }
 
     /// A message as it was read.
-    fn keep(&mut self, at_ns: u64, item: &Item, key: &Key, news: &AnyMessage) -> Vec<Record> {
+    fn keep(&mut self, at_ns: u64, item: &Item, key: &Key, news: &AnyMessage) -> Vec<FileRecord> {
         let mut records = Vec::new();
         let name = match item {
             Item::Message(incoming) => &incoming.key,
@@ -110,7 +110,14 @@ impl Recorder {
         records
     }
 
-    fn derive(&mut self, at_ns: u64, name: &str, key: &Key, news: &AnyMessage, records: &mut Vec<Record>) {
+    fn derive(
+        &mut self,
+        at_ns: u64,
+        name: &str,
+        key: &Key,
+        news: &AnyMessage,
+        records: &mut Vec<FileRecord>,
+    ) {
         let mut made = Vec::new();
         if let AnyMessage::State(state) = news {
             let pose = json(&drawing::pose(at_ns, state));
@@ -138,7 +145,7 @@ impl Recorder {
         schema: &str,
         data: Vec<u8>,
         holds: bool,
-        records: &mut Vec<Record>,
+        records: &mut Vec<FileRecord>,
     ) -> bool {
         if !self.topics.contains_key(name) {
             let Some(schema) = schemas::of(schema) else { return false };
@@ -146,31 +153,36 @@ impl Recorder {
             let Some(number) = u16::try_from(number).ok().filter(|_| number < MOST_TOPICS) else {
                 return false;
             };
-            records.push(Record::Topic { number, name: name.to_owned(), schema });
+            records.push(FileRecord::Topic { number, name: name.to_owned(), schema });
             self.topics.insert(name.to_owned(), Topic { number, sequence: 0, schema, holds: None });
         }
         let Some(topic) = self.topics.get_mut(name) else { return false };
         if holds {
             topic.holds = Some(data.clone());
         }
-        records.push(Record::Message { topic: topic.number, sequence: topic.sequence, log_ns, data });
+        records.push(FileRecord::Message { topic: topic.number, sequence: topic.sequence, log_ns, data });
         topic.sequence = topic.sequence.wrapping_add(1);
         true
     }
 
     /// What a further file begins with: all topics, and what still holds, so that it can be shown
     /// without the files before it.
-    pub fn next_file(&mut self, at_ns: u64) -> Vec<Record> {
+    pub fn next_file(&mut self, at_ns: u64) -> Vec<FileRecord> {
         self.painter.forget();
-        let topic = |(name, it): (&String, &Topic)| Record::Topic {
+        let topic = |(name, it): (&String, &Topic)| FileRecord::Topic {
             number: it.number,
             name: name.clone(),
             schema: it.schema,
         };
-        let mut records: Vec<Record> = self.topics.iter().map(topic).collect();
+        let mut records: Vec<FileRecord> = self.topics.iter().map(topic).collect();
         for it in self.topics.values_mut() {
             let Some(data) = it.holds.clone() else { continue };
-            records.push(Record::Message { topic: it.number, sequence: it.sequence, log_ns: at_ns, data });
+            records.push(FileRecord::Message {
+                topic: it.number,
+                sequence: it.sequence,
+                log_ns: at_ns,
+                data,
+            });
             it.sequence = it.sequence.wrapping_add(1);
             self.counts.repeated += 1;
         }
@@ -179,7 +191,7 @@ impl Recorder {
 
     /// What was and was not kept; drops are counted where they happen.
     #[must_use]
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> RecordingCounts {
         self.counts
     }
 }

@@ -14,11 +14,11 @@ const MOST_PLACES: u64 = 16;
 
 /// A table of one type of message.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Table {
+pub struct MessageTable {
     columns: Vec<String>,
 }
 
-impl Table {
+impl MessageTable {
     /// The table of messages of this schema.
     #[must_use]
     pub fn of(schema: &Schema) -> Self {
@@ -120,11 +120,11 @@ mod tests {
     use crate::fleet::schemas;
     use serde_json::json;
 
-    fn table(name: &str) -> Table {
-        Table::of(schemas::of(name).unwrap())
+    fn table(name: &str) -> MessageTable {
+        MessageTable::of(schemas::of(name).unwrap())
     }
 
-    fn value_of(table: &Table, row: &str, column: &str) -> String {
+    fn value_of(table: &MessageTable, row: &str, column: &str) -> String {
         let header = table.header();
         let place = header.trim_end().split(',').position(|name| name == column);
         let place = place.unwrap_or_else(|| panic!("no {column} in {header}"));

@@ -20,7 +20,7 @@ pub fn message(number: u64, event: &Event) -> serde_json::Result<String> {
 
 /// Events of a recording, each with its time since boot in ns.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Told {
+pub struct RecordedEvents {
     /// Who recorded what.
     pub header: Header,
     /// When the recording begins on the robot's clock, in ns since boot.
@@ -36,7 +36,7 @@ pub struct Told {
 /// # Errors
 /// It cannot be read, or is no recording of a robot. A cut is no error, and neither are events of a later version:
 /// they are left out.
-pub fn read(path: &Path) -> Result<Told, Error> {
+pub fn read(path: &Path) -> Result<RecordedEvents, Error> {
     let mut recording = Recording::open(path)?;
     let header = recording.header().cloned().ok_or_else(|| Error::NotOfARobot("it has no header".into()))?;
     let (mut began_ns, mut events, mut params) = (None, Vec::new(), Vec::new());
@@ -48,7 +48,7 @@ pub fn read(path: &Path) -> Result<Told, Error> {
             _ => {}
         }
     }
-    Ok(Told { header, began_ns: began_ns.unwrap_or_default(), events, params })
+    Ok(RecordedEvents { header, began_ns: began_ns.unwrap_or_default(), events, params })
 }
 
 /// What follows the number of a message.

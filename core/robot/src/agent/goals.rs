@@ -2,7 +2,7 @@
 
 use super::navigate::BY_HAND;
 use super::requests::Outcome;
-use super::{Agent, Arrival, ENDED_GOALS, View};
+use super::{Agent, Arrival, ENDED_GOALS, TurnView};
 use crate::authority::goal::{Goal, Target, TimeLimit};
 use crate::authority::guard::Guard;
 use xtb_control::{Command, Outputs, Stamp};
@@ -22,7 +22,7 @@ impl Agent {
         (client, id): (&Name, Uuid),
         errand: &TaskAction,
         (on_link_loss, finish_s): (LinkLoss, f64),
-        view: View<'_>,
+        view: TurnView<'_>,
     ) -> Outcome {
         let (aim, via) = match *errand {
             TaskAction::Goto { x_m, y_m, yaw_rad, via } => (TargetPose { x_m, y_m, yaw_rad }, via),
@@ -52,7 +52,7 @@ impl Agent {
         (client, id): (&Name, Uuid),
         for_s: Option<f64>,
         (on_link_loss, finish_s): (LinkLoss, f64),
-        view: View<'_>,
+        view: TurnView<'_>,
     ) -> Outcome {
         self.sees_both_ways("wandering", BY_HAND)?;
         let lasting = for_s.map(|s| TimeLimit { at: after(now, s), then: GoalStatus::Reached });
@@ -68,7 +68,7 @@ impl Agent {
         arrival: Arrival,
         mut goal: Goal,
         command: Command,
-        view: View<'_>,
+        view: TurnView<'_>,
     ) -> Outcome {
         self.check_ready(view)?;
         self.check_overtaken(arrival)?;

@@ -2,14 +2,14 @@
 //! navigator's decisions become.
 
 use super::requests::Refusal;
-use super::{Agent, View};
-use crate::authority::arbitration::Writer;
+use super::{Agent, TurnView};
+use crate::authority::arbitration::MotorWriter;
 use std::sync::Arc as Shared;
 use xtb_control::{Command, Mode, Stamp, Steering, WheelRpm, goto};
 use xtb_nav::localization::{self, FixOutcome};
 use xtb_nav::navigator::right_of_way::{HEARD_MS, Neighbour};
 use xtb_nav::navigator::{
-    Decision, HoldReason, PlanDone, PlanJob, PreparedMap, Sensed, TargetPose, TrafficGuidance,
+    HoldReason, PlanDone, PlanJob, PreparedMap, Sensed, TargetPose, TrafficGuidance, TurnDecision,
 };
 use xtb_nav::obstacle_layer::UnmappedObstacle;
 use xtb_nav::{MapPose, Path};
@@ -62,12 +62,12 @@ impl Agent {
     /// A pose from outside that came in `at`.
     pub fn fix(&mut self, now: Stamp, at: Stamp, fix: &Fix) {
         let age_ns = fix.age_ms.saturating_mul(1_000_000);
-        let measured = localization::Fix {
+        let measured = localization::StampedFix {
             stamp: Stamp::from_ns(at.min(now).ns().saturating_sub(age_ns)),
             x_m: fix.x_m,
             y_m: fix.y_m,
             yaw_rad: fix.yaw_rad,
-            covariance: localization::Fix::independent(fix.sigma_m, fix.sigma_yaw_rad),
+            covariance: localization::StampedFix::independent(fix.sigma_m, fix.sigma_yaw_rad),
             source: fix.source,
         };
         match self.filter.fix(now, &measured) {
@@ -164,7 +164,7 @@ impl Agent {
             ));
         }
         let (x_m, y_m) = self.filter.map_from_odom().point_to_odom(aim.x_m, aim.y_m);
-        let point = goto::Goal::new(x_m, y_m).map_err(|error| {
+        let point = goto::GotoGoal::new(x_m, y_m).map_err(|error| {
             (RejectCode::OutOfRange, error.to_string(), "choose a goal closer to the robot")
         })?;
         Ok(Command::Goto(point))
@@ -239,7 +239,7 @@ impl Agent {
     }
 
     /// What the navigator wants of the first level now.
-    pub(super) fn navigate(&mut self, now: Stamp, view: View<'_>) -> Option<Command> {
+    pub(super) fn navigate(&mut self, now: Stamp, view: TurnView<'_>) -> Option<Command> {
         if now < self.lead.next_step {
             return None;
         }
@@ -269,23 +269,23 @@ impl Agent {
         let runs = self.goal.as_ref().is_some_and(|goal| {
             goal.is_planned() && matches!(goal.status, GoalStatus::Running | GoalStatus::Blocked)
         });
-        if !runs || self.writer != Writer::Goal {
+        if !runs || self.writer != MotorWriter::Goal {
             return None;
         }
         self.measure(&estimate.pose);
         match decision {
-            Decision::Go(command, standing) => {
+            TurnDecision::Go(command, standing) => {
                 let words = self.blocked_words(outputs.blocked, standing);
                 self.goal_is(now, words.as_deref());
                 self.pass_goal(now);
                 Some(command)
             }
-            Decision::Reached => {
+            TurnDecision::Reached => {
                 self.idle_because = StopReason::GoalReached;
                 self.end_goal(now, GoalStatus::Reached, None);
                 Some(if self.goal_runs() { STAND } else { Command::Idle })
             }
-            Decision::Failed(words) => {
+            TurnDecision::Failed(words) => {
                 let because = StopReason::WayBlocked;
                 self.stand(now, because, GoalStatus::Failed, Some(&words));
                 self.pending.take()

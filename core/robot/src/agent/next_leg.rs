@@ -7,7 +7,7 @@
 
 use super::goals::finish_limit;
 use super::requests::Outcome;
-use super::{Agent, Arrival, View};
+use super::{Agent, Arrival, TurnView};
 use crate::authority::goal::{Goal, Target};
 use xtb_control::Stamp;
 use xtb_nav::navigator::TargetPose;
@@ -47,7 +47,7 @@ impl Agent {
         (client, id): (&Name, Uuid),
         aim: TargetPose,
         (on_link_loss, finish_s): (LinkLoss, f64),
-        view: View<'_>,
+        view: TurnView<'_>,
     ) -> Outcome {
         self.planned_goal(now, &aim)?;
         self.check_ready(view)?;

@@ -5,7 +5,7 @@
 //! obstacle rule reaches it as a sample ([`Sample::Obstacle`](xtb_control::Sample::Obstacle)). A lower speed needs no
 //! control of the robot, as a stop needs none: a speed limit reaches robots that others drive.
 
-use super::{Agent, View};
+use super::{Agent, TurnView};
 use std::collections::VecDeque;
 use xtb_control::config::{Allowed, Parameter};
 use xtb_control::{Stamp, VehicleConfig};
@@ -202,7 +202,13 @@ impl Agent {
 
     /// A question about settings, or a change; the answer is final. Of a save it is that of a robot that has saved:
     /// whoever writes the file asks [`Agent::params_to_save`] before.
-    pub fn param(&mut self, now: Stamp, client: &Name, request: &ParamRequest, view: View<'_>) -> ParamReply {
+    pub fn param(
+        &mut self,
+        now: Stamp,
+        client: &Name,
+        request: &ParamRequest,
+        view: TurnView<'_>,
+    ) -> ParamReply {
         let done = match &request.body {
             ParamBody::List {} => Ok(()),
             ParamBody::Set { values } => self.set_params(now, client, request.lease, values, view),
@@ -221,7 +227,7 @@ impl Agent {
         client: &Name,
         lease: Option<Lease>,
         values: &[ParamValue],
-        view: View<'_>,
+        view: TurnView<'_>,
     ) -> Result<(), Refusal> {
         let (new, rows, is_careful) = self.params.with(values)?;
         if !is_careful {

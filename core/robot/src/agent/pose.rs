@@ -1,6 +1,6 @@
 //! Where the robot is: the odometry and its scale, the pose filter, and what is wrong with either.
 
-use super::{Agent, Identity, View};
+use super::{Agent, RobotIdentity, TurnView};
 use std::sync::Arc;
 use xtb_control::frames::MapPose;
 use xtb_control::odometry::OdomPose;
@@ -16,7 +16,7 @@ impl Agent {
     }
 
     /// The odometry, into the filter.
-    pub(super) fn locate(&mut self, now: Stamp, view: View<'_>) {
+    pub(super) fn locate(&mut self, now: Stamp, view: TurnView<'_>) {
         // A pose that is not finite is left out: the odometry never makes one.
         let _ = self.filter.odometry(now, &view.outputs.pose);
         self.odometry_scale.learn(now, self.filter.wheel_scale(), self.filter.is_contradicted());
@@ -24,7 +24,7 @@ impl Agent {
 
     /// Where the robot is in the map.
     #[must_use]
-    pub fn pose(&self, now: Stamp, view: View<'_>) -> PoseState {
+    pub fn pose(&self, now: Stamp, view: TurnView<'_>) -> PoseState {
         let estimate = self.filter.estimate(now);
         let MapPose { x_m, y_m, yaw_rad } = estimate.pose;
         let age_ms = view.ages.gyro.zip(view.ages.encoder).map(|(gyro, encoder)| gyro.max(encoder));
@@ -65,6 +65,10 @@ impl Agent {
 }
 
 /// A filter of a robot that stands at its start pose.
-pub(super) fn filter(vehicle: &VehicleConfig, settings: &NavSettings, identity: &Identity) -> PoseFilter {
+pub(super) fn filter(
+    vehicle: &VehicleConfig,
+    settings: &NavSettings,
+    identity: &RobotIdentity,
+) -> PoseFilter {
     PoseFilter::new(vehicle, settings.filter(), Stamp::ZERO, &OdomPose::default(), &identity.start_pose)
 }

@@ -13,7 +13,7 @@
 //! | `withdraw` | none | yes | ends the client's own assignment, and fences it |
 //! | `stop` | none | yes | ends everything of the network |
 
-use super::{Agent, Arrival, View};
+use super::{Agent, Arrival, TurnView};
 use crate::authority::assignments::Known;
 use crate::authority::guard::Guard;
 use crate::faults::INPUT_LOST_MS;
@@ -37,7 +37,7 @@ impl Agent {
         arrival: Arrival,
         client: &Name,
         request: &Request,
-        view: View<'_>,
+        view: TurnView<'_>,
     ) -> Reply {
         let each_time = matches!(request.body, Body::Retain {} | Body::Stop {});
         if !each_time
@@ -69,7 +69,7 @@ impl Agent {
         arrival: Arrival,
         client: &Name,
         request: &Request,
-        view: View<'_>,
+        view: TurnView<'_>,
     ) -> Outcome {
         match &request.body {
             Body::Acquire { take } => self.acquire(now, client, *take),
@@ -180,7 +180,7 @@ impl Agent {
     }
 
     /// Whether the robot could drive at all.
-    pub(super) fn check_ready(&self, view: View<'_>) -> Result<(), Refusal> {
+    pub(super) fn check_ready(&self, view: TurnView<'_>) -> Result<(), Refusal> {
         if self.is_held() {
             let names: Vec<String> = self.latches.all().map(|latch| latch.to_string()).collect();
             let message = format!("the robot is latched: {}", names.join(", "));
@@ -221,7 +221,7 @@ impl Agent {
 }
 
 /// An input without which nothing may move, and that has not been heard lately.
-pub(super) fn unheard(view: View<'_>) -> Option<&'static str> {
+pub(super) fn unheard(view: TurnView<'_>) -> Option<&'static str> {
     let InputAges { gyro, encoder, adc, .. } = view.ages;
     [(encoder, "encoder"), (adc, "converter"), (gyro, "gyro")]
         .into_iter()

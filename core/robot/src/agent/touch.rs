@@ -8,7 +8,7 @@
 //! Either way the motor is neutral at once, and stays so until the alarm has ended.
 
 use super::Agent;
-use crate::authority::arbitration::Writer;
+use crate::authority::arbitration::MotorWriter;
 use std::sync::Arc;
 use xtb_control::Stamp;
 use xtb_protocol::messages::Fault;
@@ -52,6 +52,6 @@ impl Agent {
 
     fn drives_a_path(&self) -> bool {
         let planned = self.goal.as_ref().is_some_and(|goal| goal.is_planned());
-        planned && self.goal_runs() && self.writer == Writer::Goal
+        planned && self.goal_runs() && self.writer == MotorWriter::Goal
     }
 }

@@ -11,8 +11,8 @@
 //! control wander is the memorandum's alone.
 
 use super::navigate::{STAND, STEP_NS};
-use super::{Agent, View};
-use crate::authority::arbitration::Writer;
+use super::{Agent, TurnView};
+use crate::authority::arbitration::MotorWriter;
 use crate::authority::goal::Target;
 use xtb_control::{Command, Stamp, Steering, WheelRpm};
 use xtb_nav::geometry::rect::Rect;
@@ -51,8 +51,8 @@ pub(super) enum WanderGuard {
 
 impl Agent {
     /// What a wandering robot shall do because of the others; `None` = wander on.
-    pub(super) fn mind_others(&mut self, now: Stamp, view: View<'_>) -> Option<Command> {
-        let wanders = self.writer == Writer::Goal
+    pub(super) fn mind_others(&mut self, now: Stamp, view: TurnView<'_>) -> Option<Command> {
+        let wanders = self.writer == MotorWriter::Goal
             && self
                 .goal
                 .as_ref()

@@ -1,6 +1,6 @@
 //! Why the robot stands: there is always an answer.
 
-use super::{Agent, STICK_NEUTRAL_COUNTS, View};
+use super::{Agent, STICK_NEUTRAL_COUNTS, TurnView};
 use crate::faults::stops;
 use xtb_control::Mode;
 use xtb_protocol::messages::{Latch, StopReason};
@@ -9,7 +9,7 @@ impl Agent {
     /// Why the robot stands, what weighs most first: latches, faults, then whoever drives. Empty while
     /// the motor is driven, and never otherwise.
     #[must_use]
-    pub fn stopped_because(&self, view: View<'_>) -> Vec<StopReason> {
+    pub fn stopped_because(&self, view: TurnView<'_>) -> Vec<StopReason> {
         if !view.neutral {
             return Vec::new();
         }
@@ -40,7 +40,7 @@ impl Agent {
 }
 
 /// Why the one who drives does not.
-fn of_mode(idle_because: StopReason, view: View<'_>) -> Option<StopReason> {
+fn of_mode(idle_because: StopReason, view: TurnView<'_>) -> Option<StopReason> {
     let outputs = view.outputs;
     match outputs.mode {
         Mode::Idle => Some(idle_because),
@@ -53,7 +53,7 @@ fn of_mode(idle_because: StopReason, view: View<'_>) -> Option<StopReason> {
 }
 
 /// The motor is neutral for a moment within an ordinary drive.
-fn between(view: View<'_>) -> StopReason {
+fn between(view: TurnView<'_>) -> StopReason {
     let outputs = view.outputs;
     match outputs.rpm {
         rpm if rpm * outputs.demanded < 0.0 => StopReason::ChangingDirection,

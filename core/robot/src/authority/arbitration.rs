@@ -31,7 +31,7 @@ pub struct Facts {
 
 /// Who writes the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Writer {
+pub enum MotorWriter {
     /// Neutral.
     #[default]
     Nobody,
@@ -44,23 +44,23 @@ pub enum Writer {
 }
 
 /// One row: its name, when it applies, who then writes.
-pub type Row = (&'static str, fn(&Facts) -> bool, Writer);
+pub type ArbitrationRow = (&'static str, fn(&Facts) -> bool, MotorWriter);
 
 /// The order of arbitration.
-pub const TABLE: [Row; 7] = [
-    ("latched stop", |facts| facts.latched, Writer::Nobody),
-    ("fault", |facts| facts.broken, Writer::Nobody),
-    ("remote control", |facts| facts.manual, Writer::Transmitter),
-    ("network held", |facts| facts.network_held, Writer::Nobody),
-    ("teleoperation", |facts| facts.setpoint, Writer::Setpoint),
-    ("goal", |facts| facts.goal, Writer::Goal),
-    ("nobody", |_| true, Writer::Nobody),
+pub const TABLE: [ArbitrationRow; 7] = [
+    ("latched stop", |facts| facts.latched, MotorWriter::Nobody),
+    ("fault", |facts| facts.broken, MotorWriter::Nobody),
+    ("remote control", |facts| facts.manual, MotorWriter::Transmitter),
+    ("network held", |facts| facts.network_held, MotorWriter::Nobody),
+    ("teleoperation", |facts| facts.setpoint, MotorWriter::Setpoint),
+    ("goal", |facts| facts.goal, MotorWriter::Goal),
+    ("nobody", |_| true, MotorWriter::Nobody),
 ];
 
 /// Who writes the motor this turn.
 #[must_use]
-pub fn writer(facts: &Facts) -> Writer {
-    TABLE.iter().find(|(_, applies, _)| applies(facts)).map_or(Writer::Nobody, |(_, _, writer)| *writer)
+pub fn writer(facts: &Facts) -> MotorWriter {
+    TABLE.iter().find(|(_, applies, _)| applies(facts)).map_or(MotorWriter::Nobody, |(_, _, writer)| *writer)
 }
 
 #[cfg(test)]
@@ -83,10 +83,10 @@ mod tests {
             let held = facts.latched || facts.broken;
             let network = !held && !facts.manual && !facts.network_held;
             let expected = match () {
-                () if !held && facts.manual => Writer::Transmitter,
-                () if network && facts.setpoint => Writer::Setpoint,
-                () if network && facts.goal => Writer::Goal,
-                () => Writer::Nobody,
+                () if !held && facts.manual => MotorWriter::Transmitter,
+                () if network && facts.setpoint => MotorWriter::Setpoint,
+                () if network && facts.goal => MotorWriter::Goal,
+                () => MotorWriter::Nobody,
             };
             assert_eq!(writer(&facts), expected, "{facts:?}");
         }

@@ -13,7 +13,7 @@ const MOST_AHEAD: usize = 64;
 
 /// The newest assignment that was begun or withdrawn.
 #[derive(Debug, Clone, Default)]
-pub struct Assigned {
+pub struct NewestAssignment {
     newest: Option<Newest>,
     /// Ledger and number of those that were withdrawn without the lease before they came, newest last.
     ahead: VecDeque<(u64, u64)>,
@@ -38,7 +38,7 @@ pub enum Known {
     Already,
 }
 
-impl Assigned {
+impl NewestAssignment {
     /// Whether this assignment may begin. `goals` are those that the state shows.
     ///
     /// # Errors
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn lower_is_refused_equal_acknowledged_higher_replaces() {
-        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
+        let (mut assigned, me) = (NewestAssignment::default(), Name::new("dispatch").unwrap());
         let now = assignment(5, 1);
         assert_eq!(assigned.check(&now, std::iter::empty()), Ok(Known::New));
         assigned.begun(&me, &now);
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn what_is_withdrawn_never_begins_and_strangers_withdraw_nothing() {
-        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
+        let (mut assigned, me) = (NewestAssignment::default(), Name::new("dispatch").unwrap());
         assigned.begun(&me, &assignment(5, 1));
         assigned.withdraw(&Name::new("cli-7").unwrap(), 7, 99);
         assert_eq!(assigned.check(&assignment(5, 2), std::iter::empty()), Ok(Known::New));
@@ -163,8 +163,8 @@ mod tests {
 
     #[test]
     fn without_the_lease_nothing_is_barred_that_was_never_assigned() {
-        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
-        let may = |assigned: &Assigned, seq, leg| {
+        let (mut assigned, me) = (NewestAssignment::default(), Name::new("dispatch").unwrap());
+        let may = |assigned: &NewestAssignment, seq, leg| {
             assigned.check(&assignment(seq, leg), std::iter::empty()) == Ok(Known::New)
         };
         assigned.withdraw_without_lease(&me, 7, 1 << 39);
@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn what_is_withdrawn_before_it_comes_never_begins() {
-        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
+        let (mut assigned, me) = (NewestAssignment::default(), Name::new("dispatch").unwrap());
         assigned.withdraw_without_lease(&me, 7, 9);
         assert!(assigned.check(&assignment(9, 0), std::iter::empty()).is_err());
         assigned.begun(&me, &assignment(8, 0));
@@ -192,7 +192,7 @@ mod tests {
 
     #[test]
     fn withdrawals_without_the_lease_fill_no_memory() {
-        let (mut assigned, me) = (Assigned::default(), Name::new("dispatch").unwrap());
+        let (mut assigned, me) = (NewestAssignment::default(), Name::new("dispatch").unwrap());
         (0..1000).for_each(|seq| assigned.withdraw_without_lease(&me, 7, seq));
         assert_eq!(assigned.ahead.len(), MOST_AHEAD);
     }

@@ -5,7 +5,7 @@ use super::ask::Wanted;
 use super::early::EarlyFrames;
 use super::{Heard, LOOP_STALL_MS, Robot};
 use crate::agent::STICK_NEUTRAL_COUNTS;
-use crate::authority::arbitration::Writer;
+use crate::authority::arbitration::MotorWriter;
 use crate::authority::guard::Guard;
 use crate::faults::{of_line, silent_kinds};
 use crate::line::{Device, LINE_LOST_MS, LineFault};
@@ -111,7 +111,7 @@ impl Robot {
     /// mode manual before the stick has been neutral, none while the board's watchdog waits for a
     /// frame with a neutral motor, and none while its emergency stop is pressed.
     pub(super) fn pulses(&self) -> PwmOutputs {
-        let nobody = self.agent.writer() == Writer::Nobody;
+        let nobody = self.agent.writer() == MotorWriter::Nobody;
         let manual = self.outputs.mode == Mode::Manual;
         let stick_held = manual && (self.stick_held || self.over_speed());
         let held =

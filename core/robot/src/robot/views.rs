@@ -1,7 +1,7 @@
 //! What a robot shows of itself: state, samples, and readings for a technician.
 
 use super::{Newest, Robot};
-use crate::agent::View;
+use crate::agent::TurnView;
 use crate::faults::INPUT_LOST_MS;
 use crate::motion::Motion;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
@@ -100,7 +100,7 @@ impl Robot {
     /// The state at `now`. `rejected` brings what the links outside have counted.
     pub fn state(&mut self, now: Stamp, rejected: Rejected) -> RobotState {
         let ages = self.ages(now);
-        let view = View {
+        let view = TurnView {
             outputs: &self.outputs,
             ages,
             neutral: self.neutral_since.is_some(),

@@ -2,7 +2,7 @@
 
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::frames::MapPose;
-use xtb_control::tpu::{ResetMask, Setup};
+use xtb_control::tpu::{ResetMask, TpuSetup};
 use xtb_control::vehicle::{Imu, SLOTS, USUAL_SLOTS};
 use xtb_control::{AdcCount, PwmCount, Stamp, VehicleConfig};
 use xtb_protocol::bno085::Bno085Sample;
@@ -14,7 +14,7 @@ use xtb_protocol::messages::{
 };
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::robot::TURN_NS;
-use xtb_robot::{Identity, Robot};
+use xtb_robot::{Robot, RobotIdentity};
 
 /// A robot on a bench: wheels that turn as asked, ranges as set, and a clock by hand.
 pub(crate) struct Bench {
@@ -34,7 +34,7 @@ pub(crate) struct Bench {
     /// The encoder counts interference.
     pub(crate) wild_encoder: bool,
     /// The set-up that the board has been given; it says nothing but its status without one.
-    pub(crate) setup: Option<Setup>,
+    pub(crate) setup: Option<TpuSetup>,
     /// Frames of the receiver, if there is one.
     pub(crate) remote: Option<RemoteSample>,
     pub(crate) resets: Vec<ResetMask>,
@@ -79,7 +79,7 @@ impl Bench {
     /// The same at boot.
     pub(crate) fn booted(vehicle: VehicleConfig, firmware: Firmware) -> Self {
         let imu = (vehicle.imu == Imu::Bno085Rvc).then(Bno085Sample::default);
-        let identity = Identity {
+        let identity = RobotIdentity {
             fleet: Name::new("lab").unwrap(),
             robot: Name::new("xtb-1").unwrap(),
             epoch: 42,

@@ -4,9 +4,9 @@ use crate::drawing::{BLUE, DASHED, Floor, INK, ORANGE, RED, SOLID};
 use plotters::style::{Color, RGBColor};
 use std::path::Path;
 use xtb_control::VehicleConfig;
-use xtb_nav::planner::space::{Layers, LookOut};
-use xtb_nav::rooms::{Draw, Room};
-use xtb_nav::{Car, Goal, GridSpace, Plan, Planner, PlannerSettings};
+use xtb_nav::planner::space::{GridLayers, LookOut};
+use xtb_nav::rooms::{Draw, RoomKind};
+use xtb_nav::{Car, GridSpace, Plan, Planner, PlannerGoal, PlannerSettings};
 
 /// Of the room, and of the poses in it.
 const SEED: u64 = 5;
@@ -18,15 +18,16 @@ const EVERY_M: f64 = 0.5;
 
 /// The first path of those drawn that is long and changes gear more than once.
 pub(crate) fn draw(file: &Path) {
-    let grid = Room::Cluttered.grid(SEED);
+    let grid = RoomKind::Cluttered.grid(SEED);
     let car = Car::of(&VehicleConfig::default());
     let planned = Car { radius_m: car.radius_m * RADIUS_FACTOR, ..car.grown(MARGIN_M) };
     let look_out = LookOut { ahead_m: 0.32 - MARGIN_M, half_width_m: 0.2 };
-    let space = GridSpace::new(&Layers::map(&grid), planned, look_out).unwrap();
+    let space = GridSpace::new(&GridLayers::map(&grid), planned, look_out).unwrap();
     let (mut draw, mut planner, settings) = (Draw::new(SEED), Planner::new(), PlannerSettings::default());
     let Plan { path, expansions, .. } = loop {
         let (start, goal) = (draw.free_pose(&space).unwrap(), draw.free_pose(&space).unwrap());
-        let plan = planner.plan_on_grid(&space, &start, &Goal::exactly(&goal), &settings, &mut || true);
+        let plan =
+            planner.plan_on_grid(&space, &start, &PlannerGoal::exactly(&goal), &settings, &mut || true);
         if let Ok(plan) = plan
             && plan.path.length_m() > 9.0
             && plan.path.cusps() >= 2

@@ -34,7 +34,7 @@ struct Seen {
 pub(crate) fn draw(file: &std::path::Path) {
     let world = World::from_toml(LAB).unwrap();
     let start = world.starts()[0];
-    let map = world.chart(0.05).unwrap();
+    let map = world.to_map(0.05).unwrap();
     let mut drive = Drive::at(world, &[start], 1);
     for (index, (x_m, y_m, side_m, yaw_rad)) in STRANGERS.into_iter().enumerate() {
         let spec = BoxSpec { x_m, y_m, width_m: side_m, depth_m: side_m, yaw_rad };

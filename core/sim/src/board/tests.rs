@@ -30,7 +30,7 @@ impl Bench {
         PwmOutputs { motor: PwmCount::NEUTRAL, ..*self.board.outputs() }
     }
 
-    fn set_up(&mut self, setup: &Setup, ms: u64) {
+    fn set_up(&mut self, setup: &TpuSetup, ms: u64) {
         let frame = self.writer.setup(setup);
         self.rx(frame.as_bytes(), ms);
     }
@@ -69,8 +69,8 @@ impl Bench {
     }
 }
 
-fn setup() -> Setup {
-    Setup::of(&VehicleConfig::default()).unwrap()
+fn setup() -> TpuSetup {
+    TpuSetup::of(&VehicleConfig::default()).unwrap()
 }
 
 fn statuses(frames: &[FromBoard]) -> Vec<BoardStatus> {
@@ -124,7 +124,7 @@ fn the_same_set_up_again_changes_nothing_and_another_one_is_taken() {
     bench.run(50, 60);
     same.latch(Stamp::from_ms(60));
     assert_eq!(bench.board.outputs(), same.outputs());
-    let slower = Setup { watchdog_ms: 500, ..setup() };
+    let slower = TpuSetup { watchdog_ms: 500, ..setup() };
     bench.set_up(&slower, 60);
     assert_eq!(statuses(&bench.sent())[0].setup_checksum, slower.checksum());
     bench.pwm(&driving, 60);
@@ -137,11 +137,11 @@ fn the_same_set_up_again_changes_nothing_and_another_one_is_taken() {
 #[test]
 fn an_impossible_set_up_is_refused_and_counted() {
     for impossible in [
-        Setup { pwm_period_counts: 0, ..setup() },
-        Setup { tcr_prescaler: 0, ..setup() },
-        Setup { fqm_window: 1, ..setup() },
-        Setup { watchdog_ms: 0, ..setup() },
-        Setup { channels: [0xFF; 14], ..setup() },
+        TpuSetup { pwm_period_counts: 0, ..setup() },
+        TpuSetup { tcr_prescaler: 0, ..setup() },
+        TpuSetup { fqm_window: 1, ..setup() },
+        TpuSetup { watchdog_ms: 0, ..setup() },
+        TpuSetup { channels: [0xFF; 14], ..setup() },
     ] {
         let mut bench = Bench::waiting();
         bench.set_up(&impossible, 0);

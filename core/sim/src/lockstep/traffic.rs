@@ -9,7 +9,7 @@ use xtb_control::units::Stamp;
 use xtb_nav::Car;
 use xtb_nav::map::Map;
 use xtb_protocol::messages::{Rejected, RobotState};
-use xtb_traffic::coordinator::{Coordinator, GridRoom, JointResult, Neighbours, RobotView};
+use xtb_traffic::coordinator::{Coordinator, GridRoom, JointResult, Neighbours, ReportedRobot};
 
 /// Reports come in and guides go out this often.
 const TICK_MS: u64 = 100;
@@ -28,7 +28,7 @@ pub struct Traffic {
     next: Stamp,
     due: Vec<(Stamp, JointResult)>,
     /// By name.
-    views: BTreeMap<String, RobotView>,
+    views: BTreeMap<String, ReportedRobot>,
     noise: Rng,
     /// The part of all messages that gets lost.
     pub lost: f64,
@@ -93,7 +93,7 @@ impl Traffic {
         for robot in crews.iter_mut().filter(|crew| !crew.dead).map(|crew| &mut crew.robot) {
             if !self.noise.chance(self.lost) {
                 let state: RobotState = robot.state(now, Rejected::default());
-                let view = RobotView::of(&state, Some(Car::of(robot.vehicle())), WAY_MS);
+                let view = ReportedRobot::of(&state, Some(Car::of(robot.vehicle())), WAY_MS);
                 self.views.insert(view.name.clone(), view.clone());
                 coordinator.robot(now, view);
             }

@@ -10,7 +10,7 @@ const MOST_MAP_BOXES: usize = 20_000;
 
 impl World {
     /// The world of this map: its occupied cells, joined to boxes row by row, its zones and its places. Robots start
-    /// on free cells only. Its [chart](World::chart) is the map itself.
+    /// on free cells only. Its [map](World::to_map) is the map itself.
     ///
     /// # Errors
     /// [`WorldError::TooManyBoxes`], or a map that is farther out than a world can be.
@@ -143,7 +143,7 @@ mod tests {
         let world = World::of_map(&map).unwrap();
         let (_, south) = world.boxes().find(|(_, b)| b.y_m < 2.5).unwrap();
         assert_eq!((south.x_m, south.y_m, south.width_m, south.depth_m), (0.5, 2.25, 3.0, 0.5));
-        assert_eq!((world.chart(0.05).unwrap(), world.name()), (map, Some("hall")));
+        assert_eq!((world.to_map(0.05).unwrap(), world.name()), (map, Some("hall")));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use xtb_control::controller::{Outputs, PwmOutputs};
 use xtb_control::frames::MapPose;
-use xtb_control::tpu::{ResetMask, Setup, SetupTask};
+use xtb_control::tpu::{ResetMask, SetupTask, TpuSetup};
 use xtb_control::units::{PwmCount, Stamp};
 use xtb_control::{Command, Controller, Sample, VehicleConfig};
 use xtb_protocol::board::{FrameReader, FrameWriter, FromBoard};
@@ -28,7 +28,7 @@ pub(crate) struct Agent {
 
 impl Agent {
     pub(crate) fn new(config: VehicleConfig) -> Self {
-        let setup = Setup::of(&config).unwrap();
+        let setup = TpuSetup::of(&config).unwrap();
         let mut controller = Controller::new(config);
         let outputs = controller.step(Stamp::ZERO, &Sample::Command(Command::Idle));
         Self {
@@ -182,7 +182,7 @@ pub(crate) fn exact_steering() -> TruckParameters {
 
 /// Sets every board up as the default configuration wants it, and ends its watchdog; again is harmless.
 pub(crate) fn set_up(simulation: &mut Simulation, writer: &mut FrameWriter) {
-    let setup = Setup::of(&VehicleConfig::default()).unwrap();
+    let setup = TpuSetup::of(&VehicleConfig::default()).unwrap();
     for truck in simulation.trucks_mut() {
         truck.board_rx(writer.setup(&setup).as_bytes());
         truck.board_rx(writer.pwm(&pulses(PwmCount::NEUTRAL.get(), 0)).as_bytes());

@@ -17,7 +17,7 @@ use crate::draw::{Draw, in_parallel};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
 use std::ops::Range;
 use xtb_control::frames::MapPose;
-use xtb_control::goto::Goal;
+use xtb_control::goto::GotoGoal;
 use xtb_control::{Command, Steering, VehicleConfig, WheelRpm};
 use xtb_sim::{BoxSpec, Transmitter, TruckParameters, World};
 
@@ -144,7 +144,7 @@ impl Approach {
     fn begin(&self, bench: &mut Bench, rpm: f64) {
         match self.driver {
             Driver::Goto(x_m) => {
-                let goal = Goal::new(x_m, 4.0 * self.mps.signum()).unwrap();
+                let goal = GotoGoal::new(x_m, 4.0 * self.mps.signum()).unwrap();
                 bench.command(Command::Goto(goal));
             }
             Driver::Wander => bench.command(Command::Wander),

@@ -9,7 +9,8 @@ use xtb_protocol::trace::{TraceReader, sample_line};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::robot::Readings;
 use xtb_sim::{
-    GyroFault, LineFault, LineFaults, Lockstep, SensorFaults, Simulation, TruckParameters, VehicleFile, World,
+    GyroFault, InjectedLineFault, LineFaults, Lockstep, SensorFaults, Simulation, TruckParameters,
+    VehicleFile, World,
 };
 
 const FILE: &str = "imu = \"bno085-rvc\"\n[truth.gyro]\nyaw_drift_dps = 0.0";
@@ -86,12 +87,12 @@ fn a_unit_that_breaks_is_named_and_ends_the_drive() {
     let lines = |gyro| LineFaults { gyro, ..LineFaults::default() };
     let sensors = |gyro| SensorFaults { gyro, ..SensorFaults::default() };
     for (line, sensor, fault) in [
-        (LineFault::Silent, GyroFault::None, Fault::GyroSilent),
-        (LineFault::Garbage, GyroFault::None, Fault::GyroSilent),
-        (LineFault::Frozen, GyroFault::None, Fault::GyroFrozen),
-        (LineFault::None, GyroFault::Frozen, Fault::GyroFrozen),
-        (LineFault::None, GyroFault::TimerFrozen, Fault::GyroFrozen),
-        (LineFault::None, GyroFault::AnglesFrozen, Fault::GyroFrozen),
+        (InjectedLineFault::Silent, GyroFault::None, Fault::GyroSilent),
+        (InjectedLineFault::Garbage, GyroFault::None, Fault::GyroSilent),
+        (InjectedLineFault::Frozen, GyroFault::None, Fault::GyroFrozen),
+        (InjectedLineFault::None, GyroFault::Frozen, Fault::GyroFrozen),
+        (InjectedLineFault::None, GyroFault::TimerFrozen, Fault::GyroFrozen),
+        (InjectedLineFault::None, GyroFault::AnglesFrozen, Fault::GyroFrozen),
     ] {
         let mut robot = robot(&file);
         assert!(robot.goto(0.0, 4.0));
@@ -111,7 +112,11 @@ fn a_unit_that_breaks_is_named_and_ends_the_drive() {
         robot.run_s(2.0);
         assert!(!robot.has(fault), "{line:?}, {sensor:?}");
         let counted = readings(&robot).gyro_skipped - bad;
-        assert_eq!(counted > 0, line == LineFault::Garbage, "wrong check sums are counted: {counted} bytes");
+        assert_eq!(
+            counted > 0,
+            line == InjectedLineFault::Garbage,
+            "wrong check sums are counted: {counted} bytes"
+        );
     }
 }
 

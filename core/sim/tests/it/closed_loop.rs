@@ -3,7 +3,7 @@
 use crate::agent::Bench;
 use std::f64::consts::PI;
 use xtb_control::frames::MapPose;
-use xtb_control::goto::Goal;
+use xtb_control::goto::GotoGoal;
 use xtb_control::{Command, Mode, Steering, WheelRpm};
 use xtb_sim::{BoxSpec, TruckParameters, World};
 
@@ -38,7 +38,7 @@ fn a_goal_at_1_5_and_2_0_is_reached() {
     for seed in 1..=10 {
         let mut bench = bench(seed);
         bench.run_s(0.5);
-        bench.command(Command::Goto(Goal::new(1.5, 2.0).unwrap()));
+        bench.command(Command::Goto(GotoGoal::new(1.5, 2.0).unwrap()));
         bench.run_s(60.0);
         assert_eq!(bench.agent.outputs.mode, Mode::Idle, "seed {seed}");
         let truth = bench.simulation.trucks()[0].truth();
@@ -52,7 +52,7 @@ fn a_goal_at_1_5_and_2_0_is_reached() {
 fn an_obstacle_holds_the_truck_until_it_is_taken_away() {
     let mut bench = bench(5);
     bench.run_s(0.5);
-    bench.command(Command::Goto(Goal::new(0.0, 3.0).unwrap()));
+    bench.command(Command::Goto(GotoGoal::new(0.0, 3.0).unwrap()));
     bench.run_s(5.0);
     let ahead_m = bench.simulation.trucks()[0].truth().y_m + 0.25 + 0.5;
     let spec = BoxSpec { x_m: 0.0, y_m: ahead_m + 0.1, width_m: 1.5, depth_m: 0.2, yaw_rad: 0.0 };

@@ -61,7 +61,7 @@ impl Drive {
     }
 
     fn of_kinds(simulation: Simulation, vehicles: &[VehicleConfig], seed: u64) -> Self {
-        let map = simulation.world().chart(0.05).unwrap();
+        let map = simulation.world().to_map(0.05).unwrap();
         let mut lockstep = Lockstep::of_kinds(simulation, &Name::new("lab").unwrap(), vehicles).unwrap();
         lockstep.set_map(&map);
         lockstep.set_fixes(FixTruth { rate_hz: 2.0, ..FixTruth::default() }, seed);

@@ -6,7 +6,7 @@ use xtb_control::vehicle::SLOTS;
 use xtb_protocol::board::{BoardError, FrameReader, FrameWriter, FromBoard, LineCounters};
 use xtb_protocol::gyro_3dmg::{EulerFrame, GyroFrame, GyroReader, START_CONTINUOUS};
 use xtb_sim::{
-    EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults, Simulation,
+    EncoderFault, GyroFault, InjectedLineFault, LineFaults, RangeFinderFault, SensorFaults, Simulation,
     TruckParameters, World,
 };
 
@@ -30,7 +30,7 @@ fn second(simulation: &mut Simulation) -> (Vec<u8>, Vec<u8>) {
     (board, gyro)
 }
 
-fn with_faults(board: LineFault, gyro: LineFault) -> (Vec<u8>, Vec<u8>) {
+fn with_faults(board: InjectedLineFault, gyro: InjectedLineFault) -> (Vec<u8>, Vec<u8>) {
     let mut simulation = running();
     simulation.trucks_mut()[0].set_line_faults(LineFaults { board, gyro });
     second(&mut simulation)
@@ -50,17 +50,17 @@ fn read_gyro(bytes: &[u8]) -> Vec<GyroFrame> {
 
 #[test]
 fn a_silent_line_is_silent_and_the_other_one_goes_on() {
-    let (board, gyro) = with_faults(LineFault::Silent, LineFault::None);
+    let (board, gyro) = with_faults(InjectedLineFault::Silent, InjectedLineFault::None);
     assert_eq!((board.len(), read_gyro(&gyro).len()), (0, 100));
-    let (board, gyro) = with_faults(LineFault::None, LineFault::Silent);
+    let (board, gyro) = with_faults(InjectedLineFault::None, InjectedLineFault::Silent);
     assert_eq!(gyro.len(), 0);
     assert!(read_board(&board).0.len() > 90);
 }
 
 #[test]
 fn garbage_comes_at_the_same_rate_and_holds_no_frame() {
-    let (good_board, good_gyro) = with_faults(LineFault::None, LineFault::None);
-    let (board, gyro) = with_faults(LineFault::Garbage, LineFault::Garbage);
+    let (good_board, good_gyro) = with_faults(InjectedLineFault::None, InjectedLineFault::None);
+    let (board, gyro) = with_faults(InjectedLineFault::Garbage, InjectedLineFault::Garbage);
     let near = |garbage: usize, good: usize| garbage.abs_diff(good) < good / 10;
     assert!(near(board.len(), good_board.len()) && near(gyro.len(), good_gyro.len()));
     assert!(read_board(&board).0.is_empty() && read_gyro(&gyro).is_empty());
@@ -68,7 +68,7 @@ fn garbage_comes_at_the_same_rate_and_holds_no_frame() {
 
 #[test]
 fn of_half_frames_none_is_taken_and_the_boards_are_counted() {
-    let (board, gyro) = with_faults(LineFault::HalfFrames, LineFault::HalfFrames);
+    let (board, gyro) = with_faults(InjectedLineFault::HalfFrames, InjectedLineFault::HalfFrames);
     let (frames, counters) = read_board(&board);
     assert!(frames.is_empty() && counters.rejected > 90, "{counters:?}");
     assert!(!gyro.is_empty() && read_gyro(&gyro).is_empty());
@@ -76,7 +76,7 @@ fn of_half_frames_none_is_taken_and_the_boards_are_counted() {
 
 #[test]
 fn on_the_wrong_line_each_device_sends_what_it_sends() {
-    let (board_line, gyro_line) = with_faults(LineFault::WrongDevice, LineFault::WrongDevice);
+    let (board_line, gyro_line) = with_faults(InjectedLineFault::WrongDevice, InjectedLineFault::WrongDevice);
     assert_eq!(read_gyro(&board_line).len(), 100, "a gyro in continuous mode");
     assert!(read_board(&board_line).0.is_empty());
     let (frames, _) = read_board(&gyro_line);
@@ -86,7 +86,7 @@ fn on_the_wrong_line_each_device_sends_what_it_sends() {
 
 #[test]
 fn a_lossy_line_loses_whole_frames_and_the_gap_can_be_counted() {
-    let (board, gyro) = with_faults(LineFault::Lossy(0.3), LineFault::Lossy(0.3));
+    let (board, gyro) = with_faults(InjectedLineFault::Lossy(0.3), InjectedLineFault::Lossy(0.3));
     let (frames, counters) = read_board(&board);
     assert!(frames.len() > 40 && counters.rejected == 0 && counters.lost > 10, "{counters:?}");
     assert!((50..90).contains(&read_gyro(&gyro).len()));
@@ -94,7 +94,7 @@ fn a_lossy_line_loses_whole_frames_and_the_gap_can_be_counted() {
 
 #[test]
 fn a_frozen_device_repeats_itself() {
-    let (board, gyro) = with_faults(LineFault::Frozen, LineFault::Frozen);
+    let (board, gyro) = with_faults(InjectedLineFault::Frozen, InjectedLineFault::Frozen);
     let ((board, counters), gyro) = (read_board(&board), read_gyro(&gyro));
     assert!(board.len() == 1 && counters.repeated > 90 && counters.lost == 0, "{counters:?}");
     assert!(gyro.len() == 100 && gyro.iter().all(|frame| *frame == gyro[0]));
@@ -153,7 +153,12 @@ fn a_frozen_converter_repeats_every_channel() {
 #[test]
 fn a_fault_that_is_taken_away_leaves_nothing_behind() {
     let mut simulation = running();
-    for fault in [LineFault::Silent, LineFault::Garbage, LineFault::HalfFrames, LineFault::WrongDevice] {
+    for fault in [
+        InjectedLineFault::Silent,
+        InjectedLineFault::Garbage,
+        InjectedLineFault::HalfFrames,
+        InjectedLineFault::WrongDevice,
+    ] {
         simulation.trucks_mut()[0].set_line_faults(LineFaults { board: fault, gyro: fault });
         second(&mut simulation);
         simulation.trucks_mut()[0].set_line_faults(LineFaults::default());

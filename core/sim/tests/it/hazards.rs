@@ -9,8 +9,8 @@ use xtb_control::frames::MapPose;
 use xtb_control::{PwmCount, VehicleConfig};
 use xtb_protocol::messages::Fault;
 use xtb_sim::{
-    DriveFault, EncoderFault, GyroFault, LineFault, LineFaults, RangeFinderFault, SensorFaults, Truck,
-    TruckParameters, World,
+    DriveFault, EncoderFault, GyroFault, InjectedLineFault, LineFaults, RangeFinderFault, SensorFaults,
+    Truck, TruckParameters, World,
 };
 
 /// A hazard: what breaks, its name, and within what time the robot has to know and the board's motor has
@@ -35,7 +35,7 @@ pub(crate) struct Outcome {
     pub(crate) fastest_mps: f64,
 }
 
-fn line(board: LineFault, gyro: LineFault) -> LineFaults {
+fn line(board: InjectedLineFault, gyro: InjectedLineFault) -> LineFaults {
     LineFaults { board, gyro }
 }
 
@@ -73,13 +73,13 @@ pub(crate) const HAZARDS: [Hazard; 14] = {
         hazard("the gyro hangs", |truck, _| gyro(truck, GyroFault::Frozen), Fault::GyroFrozen, 300),
         hazard(
             "the gyro repeats one frame",
-            |truck, _| truck.set_line_faults(line(LineFault::None, LineFault::Frozen)),
+            |truck, _| truck.set_line_faults(line(InjectedLineFault::None, InjectedLineFault::Frozen)),
             Fault::GyroFrozen,
             300,
         ),
         hazard(
             "the board repeats one frame",
-            |truck, _| truck.set_line_faults(line(LineFault::Frozen, LineFault::None)),
+            |truck, _| truck.set_line_faults(line(InjectedLineFault::Frozen, InjectedLineFault::None)),
             Fault::BoardFrozen,
             250,
         ),

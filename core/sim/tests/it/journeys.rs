@@ -8,8 +8,8 @@ use std::f64::consts::{PI, SQRT_2};
 use xtb_control::VehicleConfig;
 use xtb_nav::map::{Map, ZoneLayers};
 use xtb_nav::navigator::RADIUS_FACTOR;
-use xtb_nav::planner::space::{GridSpace, Layers, LookOut, Space};
-use xtb_nav::planner::{Goal, Planner, PlannerSettings};
+use xtb_nav::planner::space::{GridLayers, GridSpace, LookOut, Space};
+use xtb_nav::planner::{Planner, PlannerGoal, PlannerSettings};
 use xtb_nav::{Car, MapPose, Path};
 use xtb_protocol::messages::{GoalStatus, Outcome};
 use xtb_sim::BoxSpec;
@@ -109,13 +109,13 @@ pub(crate) struct Room {
 impl Room {
     /// As the robot plans first.
     pub(crate) fn of(world: World) -> Self {
-        let grid = world.chart(0.05).unwrap();
+        let grid = world.to_map(0.05).unwrap();
         Self::with(world, &grid, 0.06, RADIUS_FACTOR)
     }
 
     /// With everything that stands there, by the rules of the map (what was put there has none).
     pub(crate) fn knowing(world: &World, margin_m: f64, radius_factor: f64) -> Self {
-        let grid = world.chart(0.05).unwrap();
+        let grid = world.to_map(0.05).unwrap();
         Self::with(world.clone(), &grid, margin_m, radius_factor)
     }
 
@@ -124,10 +124,10 @@ impl Room {
         let car = Car::of(&VehicleConfig::default());
         let car = Car { radius_m: car.radius_m * radius_factor, ..car.grown(margin_m) };
         let look_out = LookOut { ahead_m: 0.32 - margin_m, half_width_m: 0.2 };
-        let layers = Layers {
+        let layers = GridLayers {
             zones: Some(&zones.keep_outs),
             one_way: zones.one_way.as_deref(),
-            ..Layers::map(map.grid())
+            ..GridLayers::map(map.grid())
         };
         let space = GridSpace::new(&layers, car, look_out).unwrap();
         Self { world, space }
@@ -149,7 +149,7 @@ impl Room {
     }
 
     pub(crate) fn path(&self, start: &MapPose, goal: &MapPose, with_yaw: bool) -> Option<Path> {
-        let goal = Goal {
+        let goal = PlannerGoal {
             x_m: goal.x_m,
             y_m: goal.y_m,
             yaw_rad: with_yaw.then_some(goal.yaw_rad),

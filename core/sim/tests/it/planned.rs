@@ -69,7 +69,7 @@ fn among_boxes_known_and_unknown_nothing_is_touched() {
 #[test]
 fn the_same_map_again_changes_nothing() {
     let mut drive = Drive::new(LAB, 1, 3);
-    let map = drive.lockstep.simulation().world().chart(0.05).unwrap();
+    let map = drive.lockstep.simulation().world().to_map(0.05).unwrap();
     assert!(matches!(drive.goto(0, 4.0, 5.0, Some(0.0)), Outcome::Ok(_)));
     drive.run_s(5.0);
     let route = |drive: &mut Drive| drive.lockstep.state(0).unwrap().nav.route.unwrap();

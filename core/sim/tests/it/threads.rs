@@ -13,7 +13,7 @@ use xtb_protocol::messages::{Body, LinkLoss, Request, TruthRobot, Via};
 use xtb_protocol::{Name, Uuid};
 use xtb_sim::lockstep::Traffic;
 use xtb_sim::{
-    BoxSpec, DriveFault, FixTruth, LineFault, LineFaults, Lockstep, RangeFinderFault, SensorFaults,
+    BoxSpec, DriveFault, FixTruth, InjectedLineFault, LineFaults, Lockstep, RangeFinderFault, SensorFaults,
     Sequential, Simulation, TruckParameters, World,
 };
 
@@ -33,7 +33,7 @@ fn fleet() -> Lockstep {
     let names: Vec<String> = (1..=ROBOTS).map(|n| format!("xtb-{n}")).collect();
     let world = World::from_toml(WORLD).unwrap();
     let simulation = Simulation::new(world, &TruckParameters::default(), &names, 3).unwrap();
-    let map = simulation.world().chart(0.05).unwrap();
+    let map = simulation.world().to_map(0.05).unwrap();
     let mut fleet = Lockstep::new(simulation, &Name::new("lab").unwrap(), &VehicleConfig::default()).unwrap();
     fleet.set_map(&map);
     fleet.set_fixes(FixTruth { rate_hz: 2.0, ..FixTruth::default() }, 3);
@@ -64,8 +64,10 @@ fn disturb(fleet: &mut Lockstep, round: u64) {
     let now = fleet.now();
     let world = fleet.simulation_mut();
     match round % 11 {
-        0 => world.trucks_mut()[robot].set_line_faults(line(LineFault::Lossy(0.3), LineFault::Garbage)),
-        1 => world.trucks_mut()[robot].set_line_faults(line(LineFault::WrongDevice, LineFault::None)),
+        0 => world.trucks_mut()[robot]
+            .set_line_faults(line(InjectedLineFault::Lossy(0.3), InjectedLineFault::Garbage)),
+        1 => world.trucks_mut()[robot]
+            .set_line_faults(line(InjectedLineFault::WrongDevice, InjectedLineFault::None)),
         2 => world.trucks_mut()[robot].set_drive_fault(DriveFault::Stuck),
         4 => world.trucks_mut()[robot].power_cycle_board(),
         5 => {
@@ -107,7 +109,7 @@ fn run(ahead: impl Fn(&mut Lockstep, u64)) -> (u64, u64) {
         ahead(&mut fleet, [1, 7, 203, 10, 320, 160][round as usize % 6]);
         disturb(&mut fleet, round);
         if round == 20 {
-            let map = fleet.simulation().world().chart(0.05).unwrap();
+            let map = fleet.simulation().world().to_map(0.05).unwrap();
             let mut traffic = Traffic::new(&map, 3);
             traffic.lost = 0.1;
             fleet.set_traffic(Some(traffic));

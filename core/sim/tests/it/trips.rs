@@ -5,7 +5,7 @@ use crate::agent::Bench;
 use crate::draw::{Draw, in_parallel};
 use std::f64::consts::PI;
 use xtb_control::frames::{MapFromOdom, MapPose};
-use xtb_control::goto::Goal;
+use xtb_control::goto::GotoGoal;
 use xtb_control::odometry::OdomPose;
 use xtb_control::{Command, Mode, VehicleConfig};
 use xtb_sim::{TruckParameters, VehicleFile, World};
@@ -52,7 +52,7 @@ impl Trip {
         let goal_y_m = self.start.y_m + self.distance_m * sin;
         let map = MapFromOdom::aligning(&OdomPose::default(), &self.start);
         let (x_m, y_m) = map.point_to_odom(goal_x_m, goal_y_m);
-        bench.command(Command::Goto(Goal::new(x_m, y_m).unwrap()));
+        bench.command(Command::Goto(GotoGoal::new(x_m, y_m).unwrap()));
         let began_s = bench.simulation.now().s();
         let (mut gear_changes, mut gear) = (0, 0.0);
         while bench.agent.outputs.mode == Mode::Goto && bench.simulation.now().s() < began_s + PATIENCE_S {

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::f64::consts::PI;
 use xtb_control::frames::{MapPose, wrap_rad};
 use xtb_control::units::Stamp;
-use xtb_nav::localization::Fix;
+use xtb_nav::localization::StampedFix;
 
 /// What is wrong with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,7 +43,7 @@ pub(crate) struct Troubled {
     draw: Draw,
     /// From when to when it is wrong.
     wrong: (Stamp, Stamp),
-    held: Option<Fix>,
+    held: Option<StampedFix>,
     past: VecDeque<(Stamp, MapPose)>,
 }
 
@@ -94,30 +94,32 @@ impl Troubled {
     }
 
     /// What becomes of a fix that arrives now; `truth` is where the truck is.
-    pub(crate) fn spoil(&mut self, now: Stamp, fix: Fix, truth: &MapPose) -> Fix {
+    pub(crate) fn spoil(&mut self, now: Stamp, fix: StampedFix, truth: &MapPose) -> StampedFix {
         let is_wrong = (self.wrong.0..self.wrong.1).contains(&now);
         let wrong = match self.trouble {
-            Trouble::Undeclared => Fix { stamp: now, ..fix },
-            Trouble::SlowClock(part) => Fix { stamp: Stamp::from_s(fix.stamp.s() * (1.0 - part)), ..fix },
+            Trouble::Undeclared => StampedFix { stamp: now, ..fix },
+            Trouble::SlowClock(part) => {
+                StampedFix { stamp: Stamp::from_s(fix.stamp.s() * (1.0 - part)), ..fix }
+            }
             Trouble::Frame(rad) => {
                 let (sin, cos) = libm::sincos(rad);
                 let (x_m, y_m) = (fix.x_m * cos - fix.y_m * sin, fix.x_m * sin + fix.y_m * cos);
-                Fix { x_m, y_m, yaw_rad: fix.yaw_rad.map(|yaw_rad| wrap_rad(yaw_rad + rad)), ..fix }
+                StampedFix { x_m, y_m, yaw_rad: fix.yaw_rad.map(|yaw_rad| wrap_rad(yaw_rad + rad)), ..fix }
             }
             _ if !is_wrong => fix,
             Trouble::Frozen { noise_m, .. } => {
-                let Fix { x_m, y_m, yaw_rad, .. } = self.held.unwrap_or(fix);
+                let StampedFix { x_m, y_m, yaw_rad, .. } = self.held.unwrap_or(fix);
                 let mut noise = || self.draw.uniform(-noise_m, noise_m);
-                return Fix { x_m: x_m + noise(), y_m: y_m + noise(), yaw_rad, ..fix };
+                return StampedFix { x_m: x_m + noise(), y_m: y_m + noise(), yaw_rad, ..fix };
             }
             Trouble::Swapped { .. } => {
                 let (noise_x_m, noise_y_m) = (fix.x_m - truth.x_m, fix.y_m - truth.y_m);
                 let MapPose { x_m, y_m, yaw_rad } = self.other();
                 let yaw_rad = fix.yaw_rad.map(|own| wrap_rad(yaw_rad + own - truth.yaw_rad));
-                Fix { x_m: x_m + noise_x_m, y_m: y_m + noise_y_m, yaw_rad, ..fix }
+                StampedFix { x_m: x_m + noise_x_m, y_m: y_m + noise_y_m, yaw_rad, ..fix }
             }
             Trouble::TurnedAbout { .. } => {
-                Fix { yaw_rad: fix.yaw_rad.map(|yaw_rad| wrap_rad(yaw_rad + PI)), ..fix }
+                StampedFix { yaw_rad: fix.yaw_rad.map(|yaw_rad| wrap_rad(yaw_rad + PI)), ..fix }
             }
             Trouble::Nothing => fix,
         };

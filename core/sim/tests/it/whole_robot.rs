@@ -9,7 +9,7 @@ use xtb_protocol::messages::{
 };
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::agent::Arrival;
-use xtb_robot::{Identity, Robot};
+use xtb_robot::{Robot, RobotIdentity};
 use xtb_sim::{Simulation, Truck, TruckParameters, World, lockstep};
 
 /// Between two words of the client, in steps.
@@ -38,7 +38,7 @@ impl WholeRobot {
         seed: u64,
         config: &VehicleConfig,
     ) -> Self {
-        let identity = Identity {
+        let identity = RobotIdentity {
             fleet: Name::new("lab").unwrap(),
             robot: Name::robot("xtb-1").unwrap(),
             epoch: seed,

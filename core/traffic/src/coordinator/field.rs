@@ -1,7 +1,7 @@
 //! How far it is from anywhere to a goal for a point that keeps the truck's half width: what a search
 //! hopes for.
 
-use super::room::Room;
+use super::room::RoomGeometry;
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::planner::space::OneWay;
 
@@ -28,7 +28,7 @@ pub struct Field {
 impl Field {
     /// Floods the floor from the goal around fixed things and standing bodies.
     #[must_use]
-    pub fn new(room: &dyn Room, half_width_m: f64, standing: &[Rect], goal_m: [f64; 2]) -> Self {
+    pub fn new(room: &dyn RoomGeometry, half_width_m: f64, standing: &[Rect], goal_m: [f64; 2]) -> Self {
         let (mut field, open) = Self::unknown(room, half_width_m, standing);
         let goal = field.index(goal_m[0], goal_m[1]);
         field.flood(goal.into_iter(), &open, room.one_way());
@@ -37,7 +37,7 @@ impl Field {
 
     /// Floods it from everywhere off these places: how far it is out of the way.
     #[must_use]
-    pub fn aside(room: &dyn Room, half_width_m: f64, standing: &[Rect], taken: &[Rect]) -> Self {
+    pub fn aside(room: &dyn RoomGeometry, half_width_m: f64, standing: &[Rect], taken: &[Rect]) -> Self {
         let (mut field, open) = Self::unknown(room, half_width_m, standing);
         let mut free = open.clone();
         for rect in taken {
@@ -49,7 +49,7 @@ impl Field {
     }
 
     /// Without any distance yet, and where a truck's middle can be.
-    fn unknown(room: &dyn Room, half_width_m: f64, standing: &[Rect]) -> (Self, Vec<bool>) {
+    fn unknown(room: &dyn RoomGeometry, half_width_m: f64, standing: &[Rect]) -> (Self, Vec<bool>) {
         let [low, high] = room.corners_m();
         let cells = |axis: usize| (libm::ceil((high[axis] - low[axis]) / CELL_M) as usize).clamp(1, 4000);
         let (width, height) = (cells(0), cells(1));

@@ -4,7 +4,7 @@
 //! its range finders can tell (`obstacle.foldback_latch`), so that it has to back off before it is believed that
 //! nothing stands there. Nobody else is led around it: most such things are trucks, whose places are known.
 
-use super::RobotView;
+use super::ReportedRobot;
 use super::job::Block;
 use xtb_control::Stamp;
 use xtb_nav::geometry::rect::{Rect, Stand};
@@ -39,7 +39,7 @@ pub(super) struct HeldUp {
 
 impl HeldUp {
     /// What this report says of it.
-    pub(super) fn reported(now: Stamp, view: &RobotView) -> Option<Self> {
+    pub(super) fn reported(now: Stamp, view: &ReportedRobot) -> Option<Self> {
         let at_m = view.blocked_at_m.filter(|at_m| at_m.iter().all(|m| m.is_finite()))?;
         Some(Self { at_m, from: view.pose, seen: now })
     }

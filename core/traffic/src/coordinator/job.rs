@@ -3,7 +3,7 @@
 use super::discretized_path::DiscretizedPath;
 use super::occupancy::Occupancy;
 use super::order::Order;
-use super::room::Room;
+use super::room::RoomGeometry;
 use super::task::Target;
 use std::sync::Arc;
 use xtb_nav::Car;
@@ -69,7 +69,7 @@ impl Block {
 #[derive(Debug, Clone)]
 pub struct JointJob {
     pub(super) id: u64,
-    pub(super) room: Arc<dyn Room>,
+    pub(super) room: Arc<dyn RoomGeometry>,
     pub(super) members: Vec<Member>,
     pub(super) blocks: Vec<Block>,
     pub(super) order: Order,

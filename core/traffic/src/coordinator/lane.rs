@@ -1,7 +1,7 @@
 //! Keep right: in a corridor in which two trucks can pass each other each keeps to its own side, so that they
 //! do without either of them making room.
 
-use super::room::Room;
+use super::room::RoomGeometry;
 use std::f64::consts::FRAC_PI_2;
 use xtb_nav::{Car, MapPose};
 
@@ -19,7 +19,7 @@ const WALL_M: f64 = 0.09;
 const MET_M: f64 = 0.05;
 
 /// How far to the left of its lane a truck is that drives so, in m; 0 where there are no lanes.
-pub(super) fn beside_m(room: &dyn Room, car: &Car, pose: &MapPose, gear: f64) -> f64 {
+pub(super) fn beside_m(room: &dyn RoomGeometry, car: &Car, pose: &MapPose, gear: f64) -> f64 {
     let right_rad = pose.yaw_rad - FRAC_PI_2 * gear.signum();
     let truck_m = 2.0 * car.half_width_m;
     let Some(right_m) = to_wall_m(room, pose, right_rad, FAR * truck_m) else { return 0.0 };
@@ -34,7 +34,7 @@ pub(super) fn beside_m(room: &dyn Room, car: &Car, pose: &MapPose, gear: f64) ->
 }
 
 /// From a truck's middle to the next fixed thing in a direction; `None` = farther than that.
-fn to_wall_m(room: &dyn Room, pose: &MapPose, toward_rad: f64, far_m: f64) -> Option<f64> {
+fn to_wall_m(room: &dyn RoomGeometry, pose: &MapPose, toward_rad: f64, far_m: f64) -> Option<f64> {
     let (sin, cos) = libm::sincos(toward_rad);
     let mut way_m = 0.0;
     while way_m < far_m {

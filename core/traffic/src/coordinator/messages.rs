@@ -1,6 +1,6 @@
 //! Robots' states as reports, and guides as messages.
 
-use super::{Guide, PlannedGoal, RobotView, RouteReport};
+use super::{Guide, PlannedGoal, ReportedRobot, RouteReport};
 use std::collections::BTreeMap;
 use xtb_control::Mode;
 use xtb_nav::{Car, MapPose, Path};
@@ -15,7 +15,7 @@ const SIGHT_M: f64 = 0.8;
 /// two bodies reach: 1.44 m for two XTBs. Chosen, not measured.
 const NEAR_M: f64 = 2.0;
 
-impl RobotView {
+impl ReportedRobot {
     /// What a state of this age says to traffic control, of a robot that is this car.
     #[must_use]
     pub fn of(state: &RobotState, car: Option<Car>, age_ms: u64) -> Self {
@@ -55,19 +55,19 @@ impl RobotView {
 #[derive(Debug)]
 pub struct Neighbours<'a> {
     side_m: f64,
-    named: BTreeMap<&'a str, &'a RobotView>,
-    squares: BTreeMap<(i64, i64), Vec<&'a RobotView>>,
+    named: BTreeMap<&'a str, &'a ReportedRobot>,
+    squares: BTreeMap<(i64, i64), Vec<&'a ReportedRobot>>,
 }
 
 impl<'a> Neighbours<'a> {
     /// Of all that are known; of two of one name the last one counts.
     #[must_use]
-    pub fn of(views: impl IntoIterator<Item = &'a RobotView>) -> Self {
-        let named: BTreeMap<&str, &RobotView> =
+    pub fn of(views: impl IntoIterator<Item = &'a ReportedRobot>) -> Self {
+        let named: BTreeMap<&str, &ReportedRobot> =
             views.into_iter().map(|view| (view.name.as_str(), view)).collect();
         let largest_m = named.values().map(|view| reach_m(view)).fold(0.0, f64::max);
         let side_m = NEAR_M.max(SIGHT_M + 2.0 * largest_m);
-        let mut squares: BTreeMap<(i64, i64), Vec<&RobotView>> = BTreeMap::new();
+        let mut squares: BTreeMap<(i64, i64), Vec<&ReportedRobot>> = BTreeMap::new();
         for view in named.values() {
             squares.entry(square(&view.pose, side_m)).or_default().push(*view);
         }
@@ -79,8 +79,8 @@ impl<'a> Neighbours<'a> {
     pub fn near(&self, name: &str) -> Vec<MapPose> {
         let Some(own) = self.named.get(name) else { return Vec::new() };
         let apart_m =
-            |view: &RobotView| libm::hypot(view.pose.x_m - own.pose.x_m, view.pose.y_m - own.pose.y_m);
-        let near_m = |view: &RobotView| NEAR_M.max(SIGHT_M + reach_m(own) + reach_m(view));
+            |view: &ReportedRobot| libm::hypot(view.pose.x_m - own.pose.x_m, view.pose.y_m - own.pose.y_m);
+        let near_m = |view: &ReportedRobot| NEAR_M.max(SIGHT_M + reach_m(own) + reach_m(view));
         let (column, row) = square(&own.pose, self.side_m);
         let beside = |at: i64| at.saturating_sub(1)..=at.saturating_add(1);
         let squares = beside(column).flat_map(|x| beside(row).map(move |y| (x, y)));
@@ -101,7 +101,7 @@ fn square(pose: &MapPose, side_m: f64) -> (i64, i64) {
     (along(pose.x_m), along(pose.y_m))
 }
 
-fn reach_m(view: &RobotView) -> f64 {
+fn reach_m(view: &ReportedRobot) -> f64 {
     view.car.map_or(0.0, |car| car.reach_m())
 }
 
@@ -134,8 +134,8 @@ mod tests {
     use super::*;
     use xtb_control::VehicleConfig;
 
-    fn view(name: String, x_m: f64, y_m: f64, car: Option<Car>) -> RobotView {
-        RobotView {
+    fn view(name: String, x_m: f64, y_m: f64, car: Option<Car>) -> ReportedRobot {
+        ReportedRobot {
             name,
             epoch: 0,
             car,
@@ -157,13 +157,13 @@ mod tests {
         let cars = [None, Some(car), Some(large)];
         // Also left of and below the map's origin.
         let place = |step: usize, by: f64| 6.0 * libm::sin(step as f64 * by);
-        let views: Vec<RobotView> = (0..60)
+        let views: Vec<ReportedRobot> = (0..60)
             .map(|step| view(format!("t{step}"), place(step, 1.7), place(step, 2.9), cars[step % 3]))
             .collect();
         let neighbours = Neighbours::of(&views);
         for own in &views {
             let apart_m = |pose: &MapPose| libm::hypot(pose.x_m - own.pose.x_m, pose.y_m - own.pose.y_m);
-            let is_near = |view: &&RobotView| {
+            let is_near = |view: &&ReportedRobot| {
                 let sight_m = SIGHT_M + reach_m(own) + reach_m(view);
                 view.name != own.name && apart_m(&view.pose) < sight_m.max(NEAR_M)
             };

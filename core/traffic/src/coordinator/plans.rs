@@ -288,15 +288,15 @@ pub(super) fn is_looked_for_further(truck: &Truck) -> bool {
 #[cfg(test)]
 mod tests {
     use super::super::room::GridRoom;
-    use super::super::{PlannedGoal, RobotView};
+    use super::super::{PlannedGoal, ReportedRobot};
     use super::*;
     use xtb_control::VehicleConfig;
     use xtb_nav::{Car, MapPose};
 
     /// It wants to go 3 m to the east.
-    fn view(name: &str, x_m: f64) -> RobotView {
+    fn view(name: &str, x_m: f64) -> ReportedRobot {
         let goal = PlannedGoal { id: 1, x_m: x_m + 3.0, y_m: 2.0, yaw_rad: None };
-        RobotView {
+        ReportedRobot {
             name: name.to_owned(),
             epoch: 1,
             car: Some(Car::of(&VehicleConfig::default())),

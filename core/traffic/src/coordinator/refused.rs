@@ -1,7 +1,7 @@
 //! Robots that are one too many: nobody leads them or drives around them, and they are told so.
 
 use super::truck::STALE_MS;
-use super::{Coordinator, Guide, MOST_TRUCKS, RobotView};
+use super::{Coordinator, Guide, MOST_TRUCKS, ReportedRobot};
 use std::collections::BTreeMap;
 use xtb_control::Stamp;
 use xtb_nav::settings::CRUISE_MPS;
@@ -16,7 +16,7 @@ pub(super) struct Refused {
 }
 
 impl Refused {
-    pub(super) fn add(&mut self, seen: Stamp, view: &RobotView) {
+    pub(super) fn add(&mut self, seen: Stamp, view: &ReportedRobot) {
         if self.robots.len() < MOST_REFUSED || self.robots.contains_key(&view.name) {
             let goal = view.goal.map(|goal| (view.epoch, goal.id));
             self.robots.insert(view.name.clone(), (seen, goal));

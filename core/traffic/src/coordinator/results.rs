@@ -222,7 +222,7 @@ fn lead(truck: &mut Truck, now: Stamp, plan: u64, found: Plan) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::RobotView;
+    use super::super::ReportedRobot;
     use super::super::order::set_needs;
     use super::super::room::GridRoom;
     use super::*;
@@ -230,8 +230,8 @@ mod tests {
     use xtb_control::VehicleConfig;
     use xtb_nav::{Car, MapPose};
 
-    fn view(name: &str, x_m: f64) -> RobotView {
-        RobotView {
+    fn view(name: &str, x_m: f64) -> ReportedRobot {
+        ReportedRobot {
             name: name.to_owned(),
             epoch: 1,
             car: Some(Car::of(&VehicleConfig::default())),

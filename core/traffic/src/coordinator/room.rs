@@ -5,7 +5,7 @@ use xtb_nav::planner::space::OneWay;
 use xtb_nav::{Cell, Clearance, Grid, Map};
 
 /// A floor with fixed things on it.
-pub trait Room: std::fmt::Debug + Send + Sync {
+pub trait RoomGeometry: std::fmt::Debug + Send + Sync {
     /// Whether nothing fixed is inside the rectangle grown by `margin_m`.
     fn is_free(&self, rect: &Rect, margin_m: f64) -> bool;
     /// How far the nearest fixed thing is from a point, in m; no farther than it cares for.
@@ -50,7 +50,7 @@ impl GridRoom {
     }
 }
 
-impl Room for GridRoom {
+impl RoomGeometry for GridRoom {
     fn is_free(&self, rect: &Rect, margin_m: f64) -> bool {
         let reach = rect.reach_m() + 1.5 * margin_m;
         if self.clearance.at_least_m(rect.x_m, rect.y_m) > reach {

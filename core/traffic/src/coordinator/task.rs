@@ -2,7 +2,7 @@
 
 use super::field::Field;
 use super::occupancy::Occupancy;
-use super::room::Room;
+use super::room::RoomGeometry;
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, MapPose, Piece};
 
@@ -29,7 +29,7 @@ pub(super) struct Other<'a> {
 /// What is asked for.
 #[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
-    pub(super) room: &'a dyn Room,
+    pub(super) room: &'a dyn RoomGeometry,
     pub(super) car: &'a Car,
     pub(super) start: MapPose,
     pub(super) gear: f64,

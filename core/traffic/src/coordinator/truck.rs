@@ -3,11 +3,11 @@
 use super::discretized_path::DiscretizedPath;
 use super::held_up::HeldUp;
 use super::job::{Block, NoWay};
-use super::{PlannedGoal, RobotView};
+use super::{PlannedGoal, ReportedRobot};
 use std::sync::Arc;
 use xtb_control::Stamp;
+use xtb_control::speed::STANDS_MPS;
 use xtb_nav::geometry::rect::{Rect, Stand};
-use xtb_nav::navigator::STANDS_MPS;
 use xtb_nav::navigator::right_of_way::{HEARD_MS, STOPS_S};
 use xtb_nav::{Car, Gears, MapPose};
 
@@ -68,7 +68,7 @@ pub(super) fn place_of(trucks: &[Truck], id: u32) -> Option<usize> {
 #[derive(Debug, Clone)]
 pub(super) struct Truck {
     pub(super) id: u32,
-    pub(super) view: RobotView,
+    pub(super) view: ReportedRobot,
     /// When the view was true.
     pub(super) seen: Stamp,
     pub(super) revision: u64,
@@ -108,7 +108,7 @@ pub(super) struct Truck {
 }
 
 impl Truck {
-    pub(super) fn new(id: u32, now: Stamp, view: RobotView) -> Self {
+    pub(super) fn new(id: u32, now: Stamp, view: ReportedRobot) -> Self {
         Self {
             id,
             seen: now,
@@ -199,7 +199,7 @@ impl Truck {
     }
 
     /// Takes a report. True if the situation is another one now.
-    pub(super) fn hear(&mut self, seen: Stamp, view: RobotView) -> bool {
+    pub(super) fn hear(&mut self, seen: Stamp, view: ReportedRobot) -> bool {
         let other_goal = self.goal().map(|(key, _)| key) != view.goal.map(|goal| (view.epoch, goal.id));
         let has_passed = other_goal && self.has_passed(&view);
         let other_car = self.view.car != view.car;
@@ -240,7 +240,7 @@ impl Truck {
 
     /// Whether it has passed its goal, and says so while it drives on to the end of its route: all of that is released,
     /// and its next route goes on from there.
-    fn has_passed(&self, view: &RobotView) -> bool {
+    fn has_passed(&self, view: &ReportedRobot) -> bool {
         let Some(route) = self.route.as_ref().filter(|route| route.live && !route.evades) else {
             return false;
         };

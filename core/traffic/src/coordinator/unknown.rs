@@ -86,11 +86,11 @@ impl Unknown {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coordinator::RobotView;
+    use crate::coordinator::ReportedRobot;
     use xtb_control::VehicleConfig;
 
     fn truck_at(x_m: f64) -> Truck {
-        let view = RobotView {
+        let view = ReportedRobot {
             name: "a".into(),
             epoch: 0,
             car: Some(Car::of(&VehicleConfig::default())),

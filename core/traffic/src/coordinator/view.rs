@@ -30,7 +30,7 @@ pub struct RouteReport {
 
 /// What a robot says of itself.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RobotView {
+pub struct ReportedRobot {
     /// Its name.
     pub name: String,
     /// Its boot.
@@ -79,7 +79,7 @@ pub struct Guide {
 
 /// What has happened so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counters {
+pub struct CoordinatorCounters {
     /// Joint plans that were used.
     pub plans: u64,
     /// Joint plans that left someone without a way.

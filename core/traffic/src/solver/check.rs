@@ -2,7 +2,7 @@
 //! looked at in fine slices with the exact arcs and outlines of [`Car`](xtb_nav::Car) and [`Piece`].
 
 use super::problem::{Obstacle, Place, Problem};
-use super::schedule::{Row, Schedule};
+use super::schedule::{Schedule, ScheduleRow};
 use thiserror::Error;
 use xtb_nav::geometry::path::wrap_rad;
 use xtb_nav::{Car, MapPose, Piece};
@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-3;
 
 /// What is wrong with a schedule.
 #[derive(Debug, Clone, PartialEq, Error)]
-pub enum Fault {
+pub enum ScheduleFault {
     /// Not one way for each car, in the problem's order.
     #[error("{0} has no path")]
     Missing(String),
@@ -87,19 +87,19 @@ pub enum Fault {
 ///
 /// # Errors
 /// The first fault found.
-pub fn check(problem: &Problem, schedule: &Schedule) -> Result<(), Fault> {
+pub fn check(problem: &Problem, schedule: &Schedule) -> Result<(), ScheduleFault> {
     for (i, task) in problem.cars.iter().enumerate() {
         let way = schedule.ways.get(i).filter(|way| way.name == task.name && !way.rows.is_empty());
-        let Some(way) = way else { return Err(Fault::Missing(task.name.clone())) };
+        let Some(way) = way else { return Err(ScheduleFault::Missing(task.name.clone())) };
         let ends =
             [(Place::Start, way.rows.first(), &task.start), (Place::Goal, way.rows.last(), &task.goal)];
         for (place, row, wanted) in ends {
             if !row.is_some_and(|row| at(&row.pose, wanted, problem)) {
-                return Err(Fault::Place { name: task.name.clone(), place });
+                return Err(ScheduleFault::Place { name: task.name.clone(), place });
             }
         }
         for (step, rows) in way.rows.windows(2).enumerate() {
-            drivable(problem, &task.car, rows).map_err(|what| Fault::Drive {
+            drivable(problem, &task.car, rows).map_err(|what| ScheduleFault::Drive {
                 name: task.name.clone(),
                 step,
                 what,
@@ -121,7 +121,7 @@ fn same(a: &MapPose, b: &MapPose, step_m: f64) -> bool {
         && wrap_rad(a.yaw_rad - b.yaw_rad).abs() < ROUNDING
 }
 
-fn drivable(problem: &Problem, car: &Car, rows: &[Row]) -> Result<(), &'static str> {
+fn drivable(problem: &Problem, car: &Car, rows: &[ScheduleRow]) -> Result<(), &'static str> {
     let (row, next) = (&rows[0], &rows[1]);
     let Piece { length_m, curvature_per_m } = row.piece;
     if next.step != row.step + 1 {
@@ -140,16 +140,16 @@ fn drivable(problem: &Problem, car: &Car, rows: &[Row]) -> Result<(), &'static s
 }
 
 /// The rule of one-way zones, by the row's own pose.
-fn right_way(problem: &Problem, name: &str, row: &Row) -> Result<(), Fault> {
+fn right_way(problem: &Problem, name: &str, row: &ScheduleRow) -> Result<(), ScheduleFault> {
     let zones = problem.one_way.as_ref().filter(|_| row.piece.length_m != 0.0);
     match zones.and_then(|zones| zones.against(&row.pose, &row.piece)) {
-        Some([x_m, y_m]) => Err(Fault::WrongWay { name: name.to_owned(), step: row.step, x_m, y_m }),
+        Some([x_m, y_m]) => Err(ScheduleFault::WrongWay { name: name.to_owned(), step: row.step, x_m, y_m }),
         None => Ok(()),
     }
 }
 
 /// Looks at one step slice by slice.
-fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), Fault> {
+fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), ScheduleFault> {
     let touch = problem.step_m * TOUCH;
     let bodies: Vec<Car> = problem.cars.iter().map(|task| task.car.grown(-touch / 2.0)).collect();
     let name = |car: usize| problem.cars[car].name.clone();
@@ -177,33 +177,33 @@ fn slices(problem: &Problem, schedule: &Schedule, step: usize) -> Result<(), Fau
             let deep =
                 (bounds.south_m - ROUNDING * touch..=bounds.north_m + ROUNDING * touch).contains(&pose.y_m);
             if !(wide && deep) {
-                return Err(Fault::Outside { name: name(car), step });
+                return Err(ScheduleFault::Outside { name: name(car), step });
             }
             let hit = |obstacle: &&&Obstacle| hits(&problem.cars[car].car, pose, obstacle, touch);
             if let Some(obstacle) = obstacles[car].iter().find(hit) {
                 let [x_m, y_m] = obstacle.middle_m();
-                return Err(Fault::Obstacle { name: name(car), step, x_m, y_m });
+                return Err(ScheduleFault::Obstacle { name: name(car), step, x_m, y_m });
             }
         }
         let touching = |&&(car, other): &&(usize, usize)| {
             bodies[car].overlaps(&poses[car], &bodies[other], &poses[other])
         };
         if let Some(&(car, other)) = pairs.iter().find(touching) {
-            return Err(Fault::Contact { first: name(car), second: name(other), step });
+            return Err(ScheduleFault::Contact { first: name(car), second: name(other), step });
         }
     }
     Ok(())
 }
 
 /// Where a car is when a step begins, and how far any point of it gets from there in that step.
-fn span(car: &Car, rows: &[Row], step: usize) -> ([f64; 2], f64) {
+fn span(car: &Car, rows: &[ScheduleRow], step: usize) -> ([f64; 2], f64) {
     let reach = libm::hypot(car.front_m.max(car.rear_m), car.half_width_m);
     let driven = rows.get(step).map_or(0.0, |row| row.piece.length_m.abs());
     let at = pose(rows, step, 0.0);
     ([at.x_m, at.y_m], reach + driven)
 }
 
-fn pose(rows: &[Row], step: usize, fraction: f64) -> MapPose {
+fn pose(rows: &[ScheduleRow], step: usize, fraction: f64) -> MapPose {
     match rows.get(step) {
         Some(row) => row.piece.after(&row.pose, row.piece.length_m * fraction),
         None => rows[rows.len() - 1].pose,

@@ -8,7 +8,7 @@ use super::body::Body;
 use super::lattice::Lattice;
 use super::motion::{Drive, Spot};
 use super::obstacle_index::{Keep, ObstacleIndex};
-use super::problem::{Bounds, Problem};
+use super::problem::{FloorBounds, Problem};
 use std::f64::consts::TAU;
 use xtb_nav::Piece;
 
@@ -121,7 +121,7 @@ impl CostToGo {
         (start, goal): (&Spot, &Spot),
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Option<Self> {
-        let Bounds { west_m, south_m, east_m, north_m } = problem.bounds;
+        let FloorBounds { west_m, south_m, east_m, north_m } = problem.bounds;
         let step = problem.step_m;
         if (east_m - west_m) * (north_m - south_m) > WHOLE * step * step {
             let apart = libm::hypot(goal.x - start.x, goal.y - start.y);

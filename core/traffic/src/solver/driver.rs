@@ -5,7 +5,7 @@ use super::cost_to_go::{CostToGo, Grain};
 use super::motion::Spot;
 use super::obstacle_index::{Keep, ObstacleIndex};
 use super::places::Places;
-use super::problem::{Problem, Task};
+use super::problem::{CarTask, Problem};
 use std::sync::Arc;
 use xtb_nav::{Gears, MapPose, Piece};
 
@@ -32,7 +32,7 @@ impl Driver {
     pub(crate) fn new(
         problem: &Problem,
         obstacles: &ObstacleIndex,
-        (task, body, keep, places): (&Task, Body, Keep, &Places),
+        (task, body, keep, places): (&CarTask, Body, Keep, &Places),
         known: Option<&Self>,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Option<Self> {

@@ -8,7 +8,7 @@ use super::lattice::Lattice;
 use super::motion::Spot;
 use super::obstacle_index::{Keep, ObstacleIndex};
 use super::places::{Places, TOUCH, settle};
-use super::problem::{Problem, Task};
+use super::problem::{CarTask, Problem};
 use xtb_nav::{MapPose, Piece};
 
 /// What a gap may differ by when it is computed another time, in m: far more than f64's.
@@ -71,7 +71,7 @@ impl Instance {
     }
 
     /// The same car on the same floor on the way to the same goal.
-    fn same(&self, before: &Problem, now: &Problem, task: &Task, places: &Places) -> Option<&Driver> {
+    fn same(&self, before: &Problem, now: &Problem, task: &CarTask, places: &Places) -> Option<&Driver> {
         let floor = |problem: &Problem| (problem.bounds, problem.step_m, problem.clearance_m);
         let changed = before.obstacles != now.obstacles || before.one_way != now.one_way;
         if floor(before) != floor(now) || changed {

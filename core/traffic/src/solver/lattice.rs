@@ -1,6 +1,6 @@
 //! The floor in squares.
 
-use super::problem::{Bounds, Problem};
+use super::problem::{FloorBounds, Problem};
 
 /// Most squares along a side of the map: a bound for the tables' memory, of larger maps the squares grow;
 /// chosen, not measured.
@@ -19,7 +19,7 @@ pub(crate) struct Lattice {
 impl Lattice {
     /// Squares with sides of this part of a step.
     pub(crate) fn new(problem: &Problem, part: f64) -> Self {
-        let Bounds { west_m, south_m, east_m, north_m } = problem.bounds;
+        let FloorBounds { west_m, south_m, east_m, north_m } = problem.bounds;
         let (wide, deep) = (east_m - west_m, north_m - south_m);
         let side = (problem.step_m * part).max(wide.max(deep) / MOST_ALONG);
         let along = |length: f64| libm::floor(length / side) as usize + 1;

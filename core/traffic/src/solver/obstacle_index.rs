@@ -3,7 +3,7 @@
 use super::body::{Body, stays_clear};
 use super::lattice::Lattice;
 use super::motion::Spot;
-use super::problem::{Bounds, Obstacle, Problem};
+use super::problem::{FloorBounds, Obstacle, Problem};
 use std::sync::Arc;
 use xtb_nav::Piece;
 use xtb_nav::geometry::Rect;
@@ -40,7 +40,7 @@ enum Solid {
 /// Obstacles and bounds.
 #[derive(Debug)]
 pub(crate) struct ObstacleIndex {
-    bounds: Bounds,
+    bounds: FloorBounds,
     one_way: Option<Arc<OneWay>>,
     solids: Vec<Solid>,
     lattice: Lattice,
@@ -83,7 +83,7 @@ impl ObstacleIndex {
     }
 
     pub(crate) fn inside(&self, x: f64, y: f64) -> bool {
-        let Bounds { west_m, south_m, east_m, north_m } = self.bounds;
+        let FloorBounds { west_m, south_m, east_m, north_m } = self.bounds;
         x >= west_m && x <= east_m && y >= south_m && y <= north_m
     }
 
@@ -102,7 +102,7 @@ impl ObstacleIndex {
         }
         // An arc leaves the bounds between its ends only near an edge.
         let bulge = piece.length_m.abs();
-        let Bounds { west_m, south_m, east_m, north_m } = self.bounds;
+        let FloorBounds { west_m, south_m, east_m, north_m } = self.bounds;
         let deep_inside = spot.x - west_m > bulge
             && east_m - spot.x > bulge
             && spot.y - south_m > bulge

@@ -11,7 +11,7 @@ pub const MOST_CARS: usize = 128;
 
 /// Rectangle that no reference point leaves. In m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bounds {
+pub struct FloorBounds {
     /// Least x.
     pub west_m: f64,
     /// Least y.
@@ -47,7 +47,7 @@ pub enum Obstacle {
 
 /// One car and where it has to go.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Task {
+pub struct CarTask {
     /// How messages and the schedule call it.
     pub name: String,
     /// Its body and turning circle.
@@ -62,13 +62,13 @@ pub struct Task {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
     /// No reference point leaves it.
-    pub bounds: Bounds,
+    pub bounds: FloorBounds,
     /// What stands on the floor.
     pub obstacles: Vec<Obstacle>,
     /// Where it may be driven in one direction only; `None` = nowhere.
     pub one_way: Option<Arc<OneWay>>,
     /// Who goes where.
-    pub cars: Vec<Task>,
+    pub cars: Vec<CarTask>,
     /// Longest way in one step of time, in m; at most the smallest turning radius.
     pub step_m: f64,
     /// What cars keep from each other and from obstacles, in m; less where starts or goals are nearer.
@@ -180,7 +180,7 @@ impl Problem {
             let (ok, expected) = (value > 1e-6 && value <= FAR_M, "a length above 0");
             if ok { Ok(()) } else { Err(ProblemError::Value { what: what(), value, expected }) }
         };
-        let Bounds { west_m, south_m, east_m, north_m } = self.bounds;
+        let FloorBounds { west_m, south_m, east_m, north_m } = self.bounds;
         for side in [west_m, south_m, east_m, north_m] {
             near(&|| "a side of the map".to_owned(), side)?;
         }
@@ -196,7 +196,7 @@ impl Problem {
         if self.cars.len() > MOST_CARS {
             return Err(ProblemError::TooMany(self.cars.len()));
         }
-        for (i, Task { name, car, start, goal }) in self.cars.iter().enumerate() {
+        for (i, CarTask { name, car, start, goal }) in self.cars.iter().enumerate() {
             if self.cars[..i].iter().any(|other| other.name == *name) {
                 return Err(ProblemError::SameName(name.clone()));
             }

@@ -6,7 +6,7 @@ use xtb_nav::{MapPose, Path, Piece};
 
 /// Where a car is at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row {
+pub struct ScheduleRow {
     /// In steps.
     pub step: usize,
     /// Where.
@@ -21,7 +21,7 @@ pub struct Way {
     /// The car.
     pub name: String,
     /// One a step, from step 0 to the one in which it stands for good.
-    pub rows: Vec<Row>,
+    pub rows: Vec<ScheduleRow>,
 }
 
 /// The ways of all cars, in the problem's order.
@@ -38,7 +38,7 @@ impl Schedule {
                 (0..=track.steps())
                     .map(|step| {
                         let (spot, piece) = track.at(step);
-                        Row { step, pose: spot.pose(), piece: *piece }
+                        ScheduleRow { step, pose: spot.pose(), piece: *piece }
                     })
                     .collect()
             });

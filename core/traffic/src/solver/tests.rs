@@ -48,14 +48,14 @@ fn random(side: f64, discs: usize, cars: usize, seed: u64) -> Problem {
         starts.push(free_place(&starts));
         goals.push(free_place(&goals));
     }
-    let tasks = starts.into_iter().zip(goals).enumerate().map(|(i, (start, goal))| Task {
+    let tasks = starts.into_iter().zip(goals).enumerate().map(|(i, (start, goal))| CarTask {
         name: format!("agent{i}"),
         car: PUBLIC_CAR,
         start,
         goal,
     });
     Problem {
-        bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: side, north_m: side },
+        bounds: FloorBounds { west_m: 0.0, south_m: 0.0, east_m: side, north_m: side },
         cars: tasks.collect(),
         obstacles,
         one_way: None,
@@ -68,14 +68,14 @@ fn random(side: f64, discs: usize, cars: usize, seed: u64) -> Problem {
 
 /// A problem in a room of this size.
 fn room(wide: f64, deep: f64, obstacles: Vec<Obstacle>, ways: &[(MapPose, MapPose)]) -> Problem {
-    let task = |(i, (start, goal)): (usize, &(MapPose, MapPose))| Task {
+    let task = |(i, (start, goal)): (usize, &(MapPose, MapPose))| CarTask {
         name: format!("car-{i}"),
         car: SQUARE,
         start: *start,
         goal: *goal,
     };
     Problem {
-        bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: wide, north_m: deep },
+        bounds: FloorBounds { west_m: 0.0, south_m: 0.0, east_m: wide, north_m: deep },
         obstacles,
         one_way: None,
         cars: ways.iter().enumerate().map(task).collect(),
@@ -104,14 +104,14 @@ fn patience(times: usize) -> impl FnMut() -> bool {
     }
 }
 
-fn solve(problem: &Problem, settings: &Settings) -> Result<Schedule, Unsolved> {
+fn solve(problem: &Problem, settings: &SolverSettings) -> Result<Schedule, Unsolved> {
     Solver::new(problem, &mut patience(1_000_000))?.solve(settings, &mut patience(20_000))
 }
 
 /// Solves with priorities and with repair alone; both must be free of contact.
 fn solved(problem: &Problem) -> Schedule {
     let mut schedules = [true, false].map(|priorities_first| {
-        let settings = Settings { priorities_first, ..Settings::default() };
+        let settings = SolverSettings { priorities_first, ..SolverSettings::default() };
         let schedule = solve(problem, &settings).unwrap();
         assert_eq!(check(problem, &schedule), Ok(()));
         schedule
@@ -131,7 +131,7 @@ fn crowded_random_maps_are_solved_without_contact() {
 #[test]
 fn the_same_seed_gives_the_same_schedule() {
     let problem = random(50.0, 25, 12, 4);
-    let once = |seed| solve(&problem, &Settings { seed, ..Settings::default() }).unwrap();
+    let once = |seed| solve(&problem, &SolverSettings { seed, ..SolverSettings::default() }).unwrap();
     assert_eq!(once(7), once(7));
 }
 
@@ -143,7 +143,7 @@ fn forty_cars_on_a_large_floor_are_solved_within_a_budget_and_then_only_get_bett
     let solver = Solver::new(&problem, &mut patience(100_000)).unwrap();
     let cost = |solution: &Solution<'_>| (solution.schedule().makespan(), solution.schedule().flowtime());
     let run = || {
-        let mut solution = solver.begin(&Settings::default(), &mut patience(BUDGET)).unwrap();
+        let mut solution = solver.begin(&SolverSettings::default(), &mut patience(BUDGET)).unwrap();
         let first = cost(&solution);
         let mut before = first;
         for _ in 0..6 {
@@ -166,7 +166,7 @@ fn improving_ends_by_itself_when_nothing_becomes_shorter() {
     let ways = [(pose(4.0, 4.0, 0.0), pose(16.0, 4.0, 0.0)), (pose(4.0, 14.0, 0.0), pose(16.0, 14.0, 0.0))];
     let problem = room(20.0, 20.0, Vec::new(), &ways);
     let solver = Solver::new(&problem, &mut || true).unwrap();
-    let mut solution = solver.begin(&Settings::default(), &mut || true).unwrap();
+    let mut solution = solver.begin(&SolverSettings::default(), &mut || true).unwrap();
     solution.improve(&mut || true);
     let best = solution.schedule();
     assert_eq!((best.makespan(), best.flowtime()), (9, 18));
@@ -195,13 +195,13 @@ fn five_trucks_drive_through_a_door_of_a_metre_wherever_they_come_from() {
             let yaw_rad = if i < from_north { -FRAC_PI_2 } else { FRAC_PI_2 };
             let (south, north) = (pose(4.0 + aside, 2.0, yaw_rad), pose(4.0 - aside, 6.0, yaw_rad));
             let (start, goal) = if i < from_north { (north, south) } else { (south, north) };
-            Task { name: format!("xtb-{i}"), car, start, goal }
+            CarTask { name: format!("xtb-{i}"), car, start, goal }
         };
         let cars = (0..5).map(task).collect();
         let problem = Problem { cars, step_m: 0.273, by_order: true, ..room(8.0, 8.0, walls.clone(), &[]) };
         let solver = Solver::new(&problem, &mut patience(1_000)).unwrap();
         for priorities_first in [true, false] {
-            let settings = Settings { priorities_first, ..Settings::default() };
+            let settings = SolverSettings { priorities_first, ..SolverSettings::default() };
             let schedule = solver.solve(&settings, &mut patience(BUDGET));
             let schedule =
                 schedule.unwrap_or_else(|error| panic!("{from_north}, {priorities_first}: {error}"));
@@ -261,11 +261,11 @@ fn one_way_doors_are_taken_the_right_way_only() {
     assert!(!northern(0) && northern(1));
     // Without the zones both go straight on, which with them is a fault.
     let free = solved(&Problem { one_way: None, ..problem.clone() });
-    assert!(matches!(check(&problem, &free), Err(Fault::WrongWay { .. })));
+    assert!(matches!(check(&problem, &free), Err(ScheduleFault::WrongWay { .. })));
     // One door only, against it: no way.
     let shut =
         Problem { obstacles: vec![block(11.0, 0.0, 12.0, 13.0), block(11.0, 16.0, 12.0, 20.0)], ..problem };
-    assert_eq!(solve(&shut, &Settings::default()), Err(Unsolved::NoWay { name: "car-0".to_owned() }));
+    assert_eq!(solve(&shut, &SolverSettings::default()), Err(Unsolved::NoWay { name: "car-0".to_owned() }));
 }
 
 #[test]
@@ -291,11 +291,13 @@ fn a_start_on_an_obstacle_is_moved_within_the_tolerance_or_named() {
     // 5 cm into the nose, and 30 cm.
     let slight = Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.75)], &ways) };
     solved(&slight);
-    assert!(solve(&Problem { tolerance: Tolerance::default(), ..slight }, &Settings::default()).is_err());
+    assert!(
+        solve(&Problem { tolerance: Tolerance::default(), ..slight }, &SolverSettings::default()).is_err()
+    );
     // 10 cm into the nose, and 1.2 cm more: that is as good as touching.
     solved(&Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.69)], &ways) });
     let deep = Problem { tolerance, ..room(20.0, 20.0, vec![disc(6.5)], &ways) };
-    let error = solve(&deep, &Settings::default()).unwrap_err().to_string();
+    let error = solve(&deep, &SolverSettings::default()).unwrap_err().to_string();
     assert_eq!(error, "the start of car-0 overlaps the obstacle at (6.50, 10.00) by 0.201 m");
 }
 
@@ -303,13 +305,13 @@ fn a_start_on_an_obstacle_is_moved_within_the_tolerance_or_named() {
 fn ways_to_known_goals_are_not_computed_again() {
     let mut problem = random(50.0, 25, 8, 8);
     let solver = Solver::new(&problem, &mut || true).unwrap();
-    let schedule = solver.solve(&Settings::default(), &mut || true).unwrap();
+    let schedule = solver.solve(&SolverSettings::default(), &mut || true).unwrap();
     for (task, way) in problem.cars.iter_mut().zip(&schedule.ways) {
         task.start = way.rows[5.min(way.rows.len() - 1)].pose;
     }
     problem.cars.swap(0, 1);
     let next = solver.next(&problem, &mut || panic!("it floods again")).unwrap();
-    let schedule = next.solve(&Settings::default(), &mut || true).unwrap();
+    let schedule = next.solve(&SolverSettings::default(), &mut || true).unwrap();
     assert_eq!(check(&problem, &schedule), Ok(()));
     assert_eq!(schedule.ways[0].name, "agent1");
 }
@@ -318,7 +320,7 @@ fn ways_to_known_goals_are_not_computed_again() {
 fn a_car_behind_walls_has_no_way() {
     let walls = vec![block(11.0, 0.0, 12.0, 20.0)];
     let problem = room(23.0, 20.0, walls, &[(pose(5.0, 10.0, 0.0), pose(18.0, 10.0, 0.0))]);
-    let error = solve(&problem, &Settings::default()).unwrap_err();
+    let error = solve(&problem, &SolverSettings::default()).unwrap_err();
     assert_eq!(error, Unsolved::NoWay { name: "car-0".to_owned() });
 }
 
@@ -327,7 +329,7 @@ fn without_a_budget_it_says_so_and_with_a_small_one_who_is_in_the_way() {
     let problem = random(50.0, 25, 20, 5);
     assert_eq!(Solver::new(&problem, &mut || false).unwrap_err(), Unsolved::NotBegun);
     let solver = Solver::new(&problem, &mut || true).unwrap();
-    let settings = Settings { priorities_first: false, ..Settings::default() };
+    let settings = SolverSettings { priorities_first: false, ..SolverSettings::default() };
     let Err(Unsolved::OutOfBudget { without, .. }) = solver.solve(&settings, &mut patience(5)) else {
         panic!()
     };
@@ -338,10 +340,10 @@ fn without_a_budget_it_says_so_and_with_a_small_one_who_is_in_the_way() {
 fn starts_that_overlap_and_names_used_twice_are_refused() {
     let twice = [(pose(5.0, 5.0, 0.0), pose(15.0, 5.0, 0.0)), (pose(6.0, 5.5, 0.0), pose(15.0, 15.0, 0.0))];
     let mut problem = room(20.0, 20.0, Vec::new(), &twice);
-    let error = solve(&problem, &Settings::default()).unwrap_err().to_string();
+    let error = solve(&problem, &SolverSettings::default()).unwrap_err().to_string();
     assert_eq!(error, "the starts of car-0 and car-1 overlap");
     problem.cars[1].name = "car-0".to_owned();
-    let error = solve(&problem, &Settings::default()).unwrap_err();
+    let error = solve(&problem, &SolverSettings::default()).unwrap_err();
     assert_eq!(error, Unsolved::Problem(ProblemError::SameName("car-0".to_owned())));
     problem.step_m = f64::NAN;
     assert!(problem.validate().is_err());
@@ -357,9 +359,12 @@ fn the_check_sees_what_is_wrong() {
         change(&mut schedule);
         check(&problem, &schedule).unwrap_err()
     };
-    assert!(matches!(wrong(&|s| s.ways[1].rows.clear()), Fault::Missing(_)));
-    assert!(matches!(wrong(&|s| s.ways[0].rows.truncate(2)), Fault::Place { place: Place::Goal, .. }));
-    assert!(matches!(wrong(&|s| s.ways[0].rows[3].pose.y_m += 0.1), Fault::Drive { .. }));
+    assert!(matches!(wrong(&|s| s.ways[1].rows.clear()), ScheduleFault::Missing(_)));
+    assert!(matches!(
+        wrong(&|s| s.ways[0].rows.truncate(2)),
+        ScheduleFault::Place { place: Place::Goal, .. }
+    ));
+    assert!(matches!(wrong(&|s| s.ways[0].rows[3].pose.y_m += 0.1), ScheduleFault::Drive { .. }));
     let lower = |s: &mut Schedule| s.ways[1].rows.iter_mut().for_each(|row| row.pose.y_m -= 9.0);
     let close = Problem {
         cars: problem
@@ -377,13 +382,13 @@ fn the_check_sees_what_is_wrong() {
     };
     let mut touching = good.clone();
     lower(&mut touching);
-    assert!(matches!(check(&close, &touching).unwrap_err(), Fault::Contact { .. }));
+    assert!(matches!(check(&close, &touching).unwrap_err(), ScheduleFault::Contact { .. }));
     let blocked = Problem { obstacles: vec![block(9.0, 4.5, 10.0, 5.0)], ..problem.clone() };
-    assert!(matches!(check(&blocked, &good).unwrap_err(), Fault::Obstacle { .. }));
-    let smaller = Bounds { east_m: 10.0, ..problem.bounds };
+    assert!(matches!(check(&blocked, &good).unwrap_err(), ScheduleFault::Obstacle { .. }));
+    let smaller = FloorBounds { east_m: 10.0, ..problem.bounds };
     assert!(matches!(
         check(&Problem { bounds: smaller, ..problem }, &good).unwrap_err(),
-        Fault::Outside { .. }
+        ScheduleFault::Outside { .. }
     ));
 }
 

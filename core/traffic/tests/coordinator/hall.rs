@@ -6,7 +6,7 @@ use xtb_control::{Stamp, VehicleConfig};
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::navigator::NO_WAY_MS;
 use xtb_nav::{Car, MapPose};
-use xtb_traffic::coordinator::{GridRoom, Room as _};
+use xtb_traffic::coordinator::{GridRoom, RoomGeometry as _};
 
 /// Side of the square in which one shelf or pillar may stand, in m.
 const BAY_M: f64 = 6.0;

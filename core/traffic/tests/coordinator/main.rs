@@ -14,7 +14,7 @@ use scenes::{
 use toy::{Draw, Trouble, World};
 use xtb_control::VehicleConfig;
 use xtb_nav::{Car, Map, MapPose, Zone, ZoneKind};
-use xtb_traffic::coordinator::{GridRoom, Room};
+use xtb_traffic::coordinator::{GridRoom, RoomGeometry};
 
 fn no_clock() -> f64 {
     0.0

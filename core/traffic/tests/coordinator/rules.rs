@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 use xtb_control::{Stamp, VehicleConfig};
 use xtb_nav::{Car, MapPose, Path, Piece};
-use xtb_traffic::coordinator::{Coordinator, Guide, MOST_TRUCKS, PlannedGoal, RobotView, RouteReport};
+use xtb_traffic::coordinator::{Coordinator, Guide, MOST_TRUCKS, PlannedGoal, ReportedRobot, RouteReport};
 
 /// A room of 6 m × 4 m with a box in it.
 fn coordinator() -> Coordinator {
@@ -15,8 +15,8 @@ fn coordinator() -> Coordinator {
     Coordinator::new(Arc::new(room), 1)
 }
 
-fn view(name: &str, here: MapPose, goal: Option<(u128, f64, f64)>) -> RobotView {
-    RobotView {
+fn view(name: &str, here: MapPose, goal: Option<(u128, f64, f64)>) -> ReportedRobot {
+    ReportedRobot {
         name: name.to_owned(),
         epoch: 1,
         car: Some(Car::of(&VehicleConfig::default())),
@@ -32,7 +32,7 @@ fn view(name: &str, here: MapPose, goal: Option<(u128, f64, f64)>) -> RobotView 
 }
 
 /// Reports these every 0.2 s and solves jobs at once; what each is told in the end.
-fn listen(coordinator: &mut Coordinator, from_ms: u64, views: &[RobotView]) -> Vec<Guide> {
+fn listen(coordinator: &mut Coordinator, from_ms: u64, views: &[ReportedRobot]) -> Vec<Guide> {
     let mut guides = Vec::new();
     for turn in 0..15 {
         let now = Stamp::from_ms(from_ms + 200 * turn);
@@ -49,7 +49,7 @@ fn listen(coordinator: &mut Coordinator, from_ms: u64, views: &[RobotView]) -> V
 #[test]
 fn who_has_not_said_what_car_it_is_is_not_led_and_is_driven_around() {
     let mut coordinator = coordinator();
-    let unknown = |car| RobotView { car, ..view("b", pose(2.0, 2.0, 0.0), Some((2, 1.0, 3.0))) };
+    let unknown = |car| ReportedRobot { car, ..view("b", pose(2.0, 2.0, 0.0), Some((2, 1.0, 3.0))) };
     let a = view("a", pose(1.0, 1.0, 0.0), Some((1, 3.0, 3.0)));
     let told = listen(&mut coordinator, 1000, &[a.clone(), unknown(None)]);
     assert!(told[0].path.is_some() && told[1].path.is_none(), "{told:?}");
@@ -93,7 +93,7 @@ fn nothing_is_released_before_it_has_listened() {
 }
 
 /// Reports these until it has listened for long enough; when that is.
-fn told(coordinator: &mut Coordinator, views: &[RobotView]) -> Stamp {
+fn told(coordinator: &mut Coordinator, views: &[ReportedRobot]) -> Stamp {
     let mut now = Stamp::ZERO;
     for turn in 0..10 {
         now = Stamp::from_ms(1000 + 200 * turn);
@@ -208,7 +208,7 @@ fn an_older_report_changes_nothing_and_too_many_trucks_are_counted() {
     let mut coordinator = coordinator();
     let now = Stamp::from_ms(5000);
     coordinator.robot(now, view("a", pose(1.0, 1.0, 0.0), Some((1, 3.0, 3.0))));
-    coordinator.robot(now, RobotView { age_ms: 500, ..view("a", pose(1.0, 1.0, 0.0), None) });
+    coordinator.robot(now, ReportedRobot { age_ms: 500, ..view("a", pose(1.0, 1.0, 0.0), None) });
     assert_eq!(coordinator.tick(now)["a"].goal, Some((1, 1)));
     for index in 0..MOST_TRUCKS + 3 {
         coordinator.robot(now, view(&format!("t{index}"), pose(1.0, 1.0, 0.0), None));
@@ -260,7 +260,7 @@ fn a_reported_route_that_no_robot_would_follow_is_not_taken_over() {
     for route in [endless, beyond] {
         let mut coordinator = coordinator();
         let route = Some(route);
-        let one = RobotView { route, ..view("a", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0))) };
+        let one = ReportedRobot { route, ..view("a", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0))) };
         coordinator.robot(Stamp::from_ms(1000), one);
         assert_eq!(coordinator.tick(Stamp::from_ms(1000))["a"].path, None);
     }
@@ -270,7 +270,7 @@ fn a_reported_route_that_no_robot_would_follow_is_not_taken_over() {
 fn a_reported_plan_that_nobody_can_have_counted_to_does_not_end_the_counting() {
     let mut coordinator = coordinator();
     let route = Some(report(u64::MAX));
-    let one = RobotView { route, ..view("a", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0))) };
+    let one = ReportedRobot { route, ..view("a", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0))) };
     let guide = listen(&mut coordinator, 1000, &[one]).remove(0);
     assert!((1..100).contains(&guide.plan), "{}", guide.plan);
     assert!(guide.path.is_some(), "it is led from where it stands");
@@ -281,7 +281,7 @@ fn one_that_nobody_has_heard_of_for_long_makes_room_for_one_that_speaks_unless_i
     let mut coordinator = coordinator();
     let stands = |index: usize| view(&format!("t{index}"), pose(1.0, 1.0, 0.0), None);
     let route = Some(report(41));
-    let holds = RobotView { route, ..view("t0", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0))) };
+    let holds = ReportedRobot { route, ..view("t0", pose(1.2, 1.0, 0.0), Some((1, 3.0, 3.0))) };
     coordinator.robot(Stamp::from_ms(1000), holds);
     for index in 1..MOST_TRUCKS {
         coordinator.robot(Stamp::from_ms(1000 + index as u64), stands(index));
@@ -296,7 +296,7 @@ fn one_that_nobody_has_heard_of_for_long_makes_room_for_one_that_speaks_unless_i
     assert!(!known(&coordinator).contains(&"t1000".to_owned()));
     let late = Stamp::from_ms(700_000);
     // One that is as silent itself displaces nobody.
-    coordinator.robot(late, RobotView { age_ms: 650_000, ..stands(1001) });
+    coordinator.robot(late, ReportedRobot { age_ms: 650_000, ..stands(1001) });
     assert!(!known(&coordinator).contains(&"t1001".to_owned()));
     coordinator.robot(late, stands(1002));
     let names = known(&coordinator);
@@ -312,13 +312,13 @@ fn lane_and_room() -> Coordinator {
     Coordinator::new(Arc::new(room), 1)
 }
 
-fn east_and_west() -> [RobotView; 2] {
+fn east_and_west() -> [ReportedRobot; 2] {
     let east = view("a", pose(1.0, 1.95, 0.0), Some((1, 7.0, 1.95)));
     [east, view("b", pose(7.0, 1.95, PI), Some((2, 1.0, 1.95)))]
 }
 
 /// Reports these every 0.2 s for 100 s; when each was first told a reason to give its goal up, in ms, and which.
-fn reasons(coordinator: &mut Coordinator, views: &[RobotView]) -> Vec<(u64, String)> {
+fn reasons(coordinator: &mut Coordinator, views: &[ReportedRobot]) -> Vec<(u64, String)> {
     let mut first = BTreeMap::new();
     for now_ms in (0..100_000).step_by(200) {
         let now = Stamp::from_ms(now_ms);
@@ -338,7 +338,7 @@ fn reasons(coordinator: &mut Coordinator, views: &[RobotView]) -> Vec<(u64, Stri
 #[test]
 fn one_of_two_that_wait_for_each_other_gives_up_also_while_a_third_one_moves_elsewhere() {
     let [a, b] = east_and_west();
-    let c = RobotView { speed_mps: 0.4, ..view("c", pose(4.0, 5.0, 0.0), None) };
+    let c = ReportedRobot { speed_mps: 0.4, ..view("c", pose(4.0, 5.0, 0.0), None) };
     let told = reasons(&mut lane_and_room(), &[a, b, c]);
     assert!(matches!(told[..], [(60_000..75_000, _)]), "{told:?}");
 }
@@ -346,7 +346,7 @@ fn one_of_two_that_wait_for_each_other_gives_up_also_while_a_third_one_moves_els
 #[test]
 fn one_that_waits_for_one_that_moves_is_not_told_to_give_up() {
     let [a, b] = east_and_west();
-    let told = reasons(&mut lane_and_room(), &[a, RobotView { speed_mps: 0.3, ..b }]);
+    let told = reasons(&mut lane_and_room(), &[a, ReportedRobot { speed_mps: 0.3, ..b }]);
     assert!(told.is_empty(), "{told:?}");
 }
 

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use xtb_control::VehicleConfig;
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, Map, MapPose, Zone, ZoneKind};
-use xtb_traffic::coordinator::{GridRoom, Room as _};
+use xtb_traffic::coordinator::{GridRoom, RoomGeometry as _};
 
 pub(crate) fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
     MapPose { x_m, y_m, yaw_rad }

@@ -9,7 +9,8 @@ use xtb_control::{Stamp, VehicleConfig};
 use xtb_nav::geometry::rect::Rect;
 use xtb_nav::{Car, Cell, Grid, MapPose, Path};
 use xtb_traffic::coordinator::{
-    Coordinator, Counters, GridRoom, Guide, JointResult, PlannedGoal, RobotView, Room, RouteReport,
+    Coordinator, CoordinatorCounters, GridRoom, Guide, JointResult, PlannedGoal, ReportedRobot, RoomGeometry,
+    RouteReport,
 };
 
 /// Turn of the world, in ms; the coordinator ticks every second one.
@@ -94,14 +95,14 @@ pub(crate) struct Toy {
 }
 
 impl Toy {
-    fn view(&self, age_ms: u64) -> RobotView {
+    fn view(&self, age_ms: u64) -> ReportedRobot {
         let of = |guide: &Guide| {
             let goal = self.goal.filter(|goal| guide.goal == Some((1, goal.id)))?;
             let _ = goal;
             let path = guide.path.clone()?;
             Some(RouteReport { plan: guide.plan, path, done_m: self.done_m, release_m: guide.release_m })
         };
-        RobotView {
+        ReportedRobot {
             name: self.name.clone(),
             epoch: 1,
             car: Some(self.car),
@@ -237,7 +238,7 @@ impl World {
             driven: Vec::new(),
         };
         let room = Arc::new(room);
-        let shared: Arc<dyn Room> = Arc::<GridRoom>::clone(&room);
+        let shared: Arc<dyn RoomGeometry> = Arc::<GridRoom>::clone(&room);
         Self {
             coordinator: Some(Coordinator::new(shared, seed)),
             room,
@@ -286,11 +287,11 @@ impl World {
     }
 
     pub(crate) fn start_coordinator(&mut self) {
-        let shared: Arc<dyn Room> = Arc::<GridRoom>::clone(&self.room);
+        let shared: Arc<dyn RoomGeometry> = Arc::<GridRoom>::clone(&self.room);
         self.coordinator = Some(Coordinator::new(shared, self.seed + 77));
     }
 
-    pub(crate) fn counters(&self) -> Counters {
+    pub(crate) fn counters(&self) -> CoordinatorCounters {
         self.coordinator.as_ref().map(Coordinator::counters).unwrap_or_default()
     }
 

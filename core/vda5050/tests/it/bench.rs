@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use xtb_protocol::Name;
 use xtb_protocol::Uuid;
 use xtb_protocol::messages::{DispatchCode, RobotState, TaskId, TaskKind, TaskState, Waypoint};
-use xtb_vda5050::record::Record;
+use xtb_vda5050::record::OrderRecord;
 use xtb_vda5050::{Answer, Ask, Effect, Protocol, Serial, Topic, Vehicle};
 
 pub(crate) const START_MS: u64 = 1_790_000_000_000;
@@ -124,7 +124,7 @@ impl Bench {
         let mut bench = Self {
             protocol,
             now_ms: START_MS,
-            vehicle: Vehicle::new(serial(protocol), Record::default()),
+            vehicle: Vehicle::new(serial(protocol), OrderRecord::default()),
             dispatcher: Dispatcher::default(),
             robot,
             saved: String::new(),
@@ -188,8 +188,11 @@ impl Bench {
 
     /// `kill -9`: what was not kept is gone.
     pub(crate) fn kill(&mut self) {
-        let record =
-            if self.saved.is_empty() { Record::default() } else { Record::from_json(&self.saved).unwrap() };
+        let record = if self.saved.is_empty() {
+            OrderRecord::default()
+        } else {
+            OrderRecord::from_json(&self.saved).unwrap()
+        };
         self.vehicle = Vehicle::new(serial(self.protocol), record);
     }
 

@@ -5,7 +5,7 @@ use serde_json::json;
 use xtb_control::Mode;
 use xtb_protocol::messages::{BatteryLevel, Fault, FaultState, Latch, LatchState, StopReason};
 use xtb_vda5050::factsheet::{self, Body};
-use xtb_vda5050::record::Record;
+use xtb_vda5050::record::OrderRecord;
 use xtb_vda5050::{Effect, Protocol, Topic, Vehicle};
 
 const ALL: [Protocol; 3] = [Protocol::V2_0, Protocol::V2_1, Protocol::V3_0];
@@ -35,7 +35,7 @@ fn a_robot_is_online_while_it_is_there() {
 
 #[test]
 fn nothing_is_said_of_a_robot_that_was_never_heard() {
-    let mut vehicle = Vehicle::new(serial(Protocol::V2_1), Record::default());
+    let mut vehicle = Vehicle::new(serial(Protocol::V2_1), OrderRecord::default());
     vehicle.robot(None, true);
     assert_eq!(vehicle.step(1), []);
 }
@@ -174,8 +174,10 @@ fn a_factsheet_says_what_can_be_done() {
 
 #[test]
 fn a_record_of_a_later_program_is_not_read() {
-    let text = Record::default().to_json();
-    assert_eq!(Record::from_json(&text).unwrap(), Record::default());
-    assert!(Record::from_json(&text.replacen("\"v\":1", "\"v\":2", 1)).unwrap_err().contains("version 2"));
-    assert!(Record::from_json("{").is_err());
+    let text = OrderRecord::default().to_json();
+    assert_eq!(OrderRecord::from_json(&text).unwrap(), OrderRecord::default());
+    assert!(
+        OrderRecord::from_json(&text.replacen("\"v\":1", "\"v\":2", 1)).unwrap_err().contains("version 2")
+    );
+    assert!(OrderRecord::from_json("{").is_err());
 }

@@ -10,10 +10,10 @@ fn name(text: &str) -> Name {
     Name::new(text).unwrap()
 }
 
-fn entry(who: &str, role: Role, token: Option<&str>) -> Entry {
+fn entry(who: &str, role: Role, token: Option<&str>) -> RegistryEntry {
     let expires = UNIX_EPOCH + Duration::from_secs(4_000_000_000);
     let token_sha256 = token.map(token_digest);
-    Entry { name: name(who), role, generation: 2, expires, revoked: false, token_sha256 }
+    RegistryEntry { name: name(who), role, generation: 2, expires, revoked: false, token_sha256 }
 }
 
 fn registry() -> Registry {
@@ -30,7 +30,7 @@ fn registry() -> Registry {
     registry
 }
 
-fn change(people: &People, who: &str, change: impl FnOnce(&mut Entry)) {
+fn change(people: &People, who: &str, change: impl FnOnce(&mut RegistryEntry)) {
     let mut registry = people.lock().registry.clone();
     change(registry.get_mut(&name(who)).unwrap());
     people.update(registry);

@@ -7,12 +7,12 @@ use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use xtb_client::fake::name;
-use xtb_dispatch::alerts::Step;
+use xtb_dispatch::alerts::AlertStep;
 use xtb_protocol::messages::AlertKind;
 
 const PATIENT: Duration = Duration::from_secs(30);
 
-fn change(text: &str) -> Change {
+fn change(text: &str) -> AlertChange {
     let alert = Alert {
         id: 7,
         kind: AlertKind::Latched,
@@ -24,7 +24,7 @@ fn change(text: &str) -> Change {
         acknowledged: None,
         ended_ms: None,
     };
-    Change { step: Step::Raised, alert }
+    AlertChange { step: AlertStep::Raised, alert }
 }
 
 /// Looks until it is so.

@@ -7,8 +7,8 @@ use super::request_queue::{Asked, Input, RequestQueue};
 use super::robot_client::{Fleet, News};
 use super::standby_link::StandbyLink;
 use super::usage::Usage;
-use super::{CLIENT, Clock, Counters, List, Standing, second};
-use crate::ledger::{self, Fault, Ledger, WriteError, Writer};
+use super::{CLIENT, Clock, DispatcherCounters, List, Standing, second};
+use crate::ledger::{self, Ledger, LedgerFault, LedgerWriteError, LedgerWriter};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,7 +19,7 @@ use xtb_client::client::Client;
 use xtb_client::state_feed::{MOST_ROBOTS, StateFeed};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::home::levels_of;
-use xtb_dispatch::{Dispatcher, Effect, Entry, Record, Write};
+use xtb_dispatch::{Dispatcher, Effect, LedgerEntry, Record, Write};
 use xtb_nav::Car;
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, Key};
@@ -49,7 +49,7 @@ fn is_followed(robot: &Name, heard: &BTreeMap<Name, (u64, u64)>, alive: &BTreeSe
 
 /// A ledger, how many entries follow its last snapshot, and who else gets them.
 pub(super) struct Held {
-    pub(super) ledger: Ledger<Entry>,
+    pub(super) ledger: Ledger<LedgerEntry>,
     pub(super) read: u64,
     pub(super) link: StandbyLink,
 }
@@ -61,7 +61,7 @@ pub(super) struct Work {
     ground: Ground,
     /// Before the writer: who reads beside it ends first.
     standby: StandbyLink,
-    writer: Writer,
+    writer: LedgerWriter,
     flying: Option<Flying>,
     unacknowledged: Option<Unacknowledged>,
     since_snapshot: u64,
@@ -79,7 +79,7 @@ pub(super) struct Work {
     _stops: Subscription,
     list: Option<List>,
     changed: bool,
-    counters: Counters,
+    counters: DispatcherCounters,
     usage: Usage,
     told: watch::Sender<Standing>,
 }
@@ -110,8 +110,13 @@ impl Work {
         if let Some(places) = &found.places {
             dispatcher.set_places(places);
         }
-        told.send_replace(Standing::of(&dispatcher, clock.ms(), Counters::default(), Usage::default()));
-        let writer = Writer::start(ledger, ledger::QUEUE)?;
+        told.send_replace(Standing::of(
+            &dispatcher,
+            clock.ms(),
+            DispatcherCounters::default(),
+            Usage::default(),
+        ));
+        let writer = LedgerWriter::start(ledger, ledger::QUEUE)?;
         let (fleet, news) = Fleet::new(client, me);
         let (requests, questions) = RequestQueue::open(client).await?;
         let looking = map_watch::keep_looking(client, found, Duration::from_secs(2));
@@ -137,7 +142,7 @@ impl Work {
             _stops,
             list: None,
             changed: true,
-            counters: Counters::default(),
+            counters: DispatcherCounters::default(),
             usage: Usage::default(),
             told,
         })
@@ -308,7 +313,7 @@ impl Work {
     fn write(&mut self, write: Write) {
         let Write { id, entries } = write;
         let last_n = entries.last().map_or(0, |entry| entry.n);
-        let snapshot = matches!(entries.as_slice(), [Entry { record: Record::Snapshot(_), .. }]);
+        let snapshot = matches!(entries.as_slice(), [LedgerEntry { record: Record::Snapshot(_), .. }]);
         let submitted = match entries.as_slice() {
             [entry] if snapshot => self.writer.compact(entry),
             entries => self.writer.submit(entries),
@@ -348,9 +353,9 @@ impl Work {
         Ok(())
     }
 
-    fn failed(&mut self, now_ms: u64, id: u64, error: &WriteError) -> Result<()> {
+    fn failed(&mut self, now_ms: u64, id: u64, error: &LedgerWriteError) -> Result<()> {
         tracing::warn!("{error}");
-        if matches!(error.error.fault, Fault::Overtaken { .. }) {
+        if matches!(error.error.fault, LedgerFault::Overtaken { .. }) {
             return Err(Error::from(error.error.as_ref()));
         }
         // There is never more than one write out, so its queue has room.

@@ -6,7 +6,7 @@
 use super::Clock;
 use crate::alert_outlets::{OutletCounters, OutletSettings, Outlets};
 use crate::history::samples::Samples;
-use crate::history::{self, Bounds, History, Row};
+use crate::history::{self, History, HistoryRow, Retention};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ use xtb_bus::{Incoming, Publisher, Question, Service, Subscription};
 use xtb_client::Result;
 use xtb_client::client::Client;
 use xtb_dispatch::Dispatcher;
-use xtb_dispatch::alerts::{AlertBook, Presence, Rules};
+use xtb_dispatch::alerts::{AlertBook, RobotPresence, Rules};
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::{Channel, FleetKeys};
@@ -43,7 +43,7 @@ pub struct ObserverSettings {
     /// Who is told beside the screens.
     pub outlets: OutletSettings,
     /// How much history is kept.
-    pub history: Bounds,
+    pub history: Retention,
 }
 
 /// What was told, and what was not.
@@ -54,7 +54,7 @@ pub struct ObserverCounters {
     /// Questions that could not be read.
     pub unreadable: u64,
     /// The history's own.
-    pub history: history::Counters,
+    pub history: history::HistoryCounters,
     /// Of the alert command.
     pub command: OutletCounters,
     /// Of the web hook.
@@ -162,12 +162,12 @@ impl Observer {
 
     /// A robot has come or gone.
     pub(super) fn presence(&self, now_ms: u64, robot: &Name, there: bool) {
-        self.write(Row::presence(now_ms, robot, there));
+        self.write(HistoryRow::presence(now_ms, robot, there));
     }
 
     /// A task has changed.
     pub(super) fn task(&mut self, now_ms: u64, event: &TaskEvent) {
-        self.write(Row::task(event));
+        self.write(HistoryRow::task(event));
         self.samples.task(&event.step);
         self.book.task(now_ms, event);
     }
@@ -176,7 +176,7 @@ impl Observer {
     pub(super) fn step(&mut self, now_ms: u64, dispatcher: &Dispatcher) {
         if now_ms.saturating_sub(self.looked_ms) >= LOOK_EVERY_MS {
             self.looked_ms = now_ms;
-            let robots = dispatcher.robots().iter().map(|(name, robot)| (name, Presence::from(robot)));
+            let robots = dispatcher.robots().iter().map(|(name, robot)| (name, RobotPresence::from(robot)));
             self.book.step(now_ms, robots, &dispatcher.suspensions());
         }
         if now_ms.saturating_sub(self.sampled_ms) >= SAMPLE_EVERY_MS {
@@ -190,7 +190,7 @@ impl Observer {
         match input {
             Input::Event(event) => {
                 let at_ms = self.happened_ms(now_ms, &event);
-                self.write(Row::robot(at_ms, &event));
+                self.write(HistoryRow::robot(at_ms, &event));
             }
             Input::Alerts(question) => {
                 let format = question.wanted_format();
@@ -247,7 +247,7 @@ impl Observer {
         read.inspect_err(|error| tracing::debug!("{error}")).ok()
     }
 
-    fn write(&self, row: Row) {
+    fn write(&self, row: HistoryRow) {
         if let Some(history) = &self.history {
             history.event(row);
         }
@@ -264,7 +264,7 @@ impl Observer {
     fn tell_changes(&mut self, now_ms: u64) {
         while let Some(change) = self.book.next_change() {
             self.changed = true;
-            self.write(Row::alert(now_ms, &change));
+            self.write(HistoryRow::alert(now_ms, &change));
             self.outlets.tell(&change);
             if let Some(history) = &self.history {
                 history.alert(change.alert);

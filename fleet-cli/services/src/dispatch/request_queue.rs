@@ -1,6 +1,6 @@
 //! Where people and programs ask: questions come in bounded, answers leave when the dispatcher has them.
 
-use super::{Counters, List};
+use super::{DispatcherCounters, List};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -113,7 +113,7 @@ impl RequestQueue {
     }
 
     /// Reads a question; one that cannot be read is answered at once.
-    pub(super) fn read(&mut self, question: Question, counters: &mut Counters) -> Option<Asked> {
+    pub(super) fn read(&mut self, question: Question, counters: &mut DispatcherCounters) -> Option<Asked> {
         let client = question.client().cloned()?;
         match question.decode::<DispatchRequest>() {
             Ok((request, format)) => {
@@ -180,7 +180,7 @@ impl RequestQueue {
     }
 
     /// A change, for everybody.
-    pub(super) fn event(&self, event: TaskEvent, counters: &mut Counters) {
+    pub(super) fn event(&self, event: TaskEvent, counters: &mut DispatcherCounters) {
         counters.events_dropped += u64::from(self.events.try_send(event).is_err());
     }
 

@@ -1,6 +1,6 @@
 //! Requests to robots: a task for each one that is on its way, so that no robot waits for another.
 
-use super::Counters;
+use super::DispatcherCounters;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -47,7 +47,7 @@ impl Fleet {
     }
 
     /// Sends a request; the answer comes as news.
-    pub(super) fn ask(&mut self, robot: Name, request: Request, counters: &mut Counters) {
+    pub(super) fn ask(&mut self, robot: Name, request: Request, counters: &mut DispatcherCounters) {
         let on_its_way = self.on_their_way.entry(robot.clone()).or_default().clone();
         if on_its_way.fetch_add(1, Ordering::Relaxed) >= ON_THEIR_WAY {
             on_its_way.fetch_sub(1, Ordering::Relaxed);

@@ -13,11 +13,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::time::MissedTickBehavior;
-use xtb_bus::Presence;
+use xtb_bus::PresenceWatch;
 use xtb_client::client::Client;
 use xtb_client::state_feed::StateFeed;
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_dispatch::replication::{Decision, Follower, Seen, Times};
+use xtb_dispatch::replication::{Follower, Observed, StandbyDecision, Times};
 use xtb_protocol::Name;
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::messages::{Copied, StandbyReply, StandbyRequest};
@@ -33,7 +33,7 @@ const LEAVE_WITHIN: Duration = Duration::from_millis(500);
 
 /// What changes for a stand-by.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Change {
+pub enum StandbyChange {
     /// It follows a dispatcher and copies its records.
     Follows,
     /// It has all of them: the dispatcher acknowledges nothing that it lacks.
@@ -53,7 +53,7 @@ pub enum Change {
     Continues,
 }
 
-impl Change {
+impl StandbyChange {
     /// For programs.
     #[must_use]
     pub fn name(&self) -> &'static str {
@@ -107,7 +107,7 @@ struct Around {
     follower: Follower,
     feed: StateFeed,
     present: Arc<AtomicBool>,
-    _presence: Presence,
+    _presence: PresenceWatch,
 }
 
 /// Follows the fleet's dispatcher until it is dead: then this is its ledger, in the next term, to be given to
@@ -119,7 +119,7 @@ pub async fn stand_by(
     client: &Client,
     store: Store,
     stopped: impl Future<Output = ()>,
-    mut tell: impl FnMut(&Change),
+    mut tell: impl FnMut(&StandbyChange),
 ) -> Result<Option<Store>> {
     let mut around = Around::open(client).await?;
     let mut copy = CopiedLedger::new(store, client.fleet().clone())?;
@@ -153,15 +153,15 @@ pub async fn stand_by(
         }
         let seen = around.seen();
         let change = match around.follower.step(since_start_ms(), &seen) {
-            Decision::Paired => Change::Paired,
-            Decision::CatchingUp => Change::Follows,
-            Decision::Waits(why) => Change::Waits(why),
-            Decision::Stale if copy.is_last() && !seen.present => {
-                tell(&Change::Continues);
+            StandbyDecision::Paired => StandbyChange::Paired,
+            StandbyDecision::CatchingUp => StandbyChange::Follows,
+            StandbyDecision::Waits(why) => StandbyChange::Waits(why),
+            StandbyDecision::Stale if copy.is_last() && !seen.present => {
+                tell(&StandbyChange::Continues);
                 return Ok(Some(copy.into_store()));
             }
-            Decision::Stale => Change::Stale { copied: copy.is_copied() },
-            Decision::TakeOver => return take_over(&around, copy, &mut tell).map(Some),
+            StandbyDecision::Stale => StandbyChange::Stale { copied: copy.is_copied() },
+            StandbyDecision::TakeOver => return take_over(&around, copy, &mut tell).map(Some),
         };
         if told.as_ref() != Some(&change) {
             tell(&change);
@@ -176,7 +176,7 @@ fn answered(
     mut copy: CopiedLedger,
     asked_ms: u64,
     reply: StandbyReply,
-    tell: &mut impl FnMut(&Change),
+    tell: &mut impl FnMut(&StandbyChange),
 ) -> Result<CopiedLedger> {
     if reply.ledger == 0 || copy.is_ahead_of(&reply) {
         return Ok(copy);
@@ -187,7 +187,7 @@ fn answered(
     match reply.copied {
         Copied::Diverged {} => {
             let (anew, aside) = copy.begin_anew()?;
-            tell(&Change::BegunAnew(aside));
+            tell(&StandbyChange::BegunAnew(aside));
             return Ok(anew);
         }
         Copied::Records(records) => copy.take(records)?,
@@ -196,7 +196,7 @@ fn answered(
     Ok(copy)
 }
 
-fn take_over(around: &Around, copy: CopiedLedger, tell: &mut impl FnMut(&Change)) -> Result<Store> {
+fn take_over(around: &Around, copy: CopiedLedger, tell: &mut impl FnMut(&StandbyChange)) -> Result<Store> {
     let mut store = copy.into_store();
     let term = store.raise_term()?;
     if !around.follower.is_in_time(since_start_ms()) {
@@ -205,7 +205,7 @@ fn take_over(around: &Around, copy: CopiedLedger, tell: &mut impl FnMut(&Change)
             .hint("start this one again with --standby, or, if the dispatcher is lost, with --promote"));
     }
     store.end_copy()?;
-    tell(&Change::TakesOver(term));
+    tell(&StandbyChange::TakesOver(term));
     Ok(store)
 }
 
@@ -251,14 +251,14 @@ impl Around {
     }
 
     /// Robots whose states come in, and one that has just heard the dispatcher.
-    fn seen(&self) -> Seen {
+    fn seen(&self) -> Observed {
         let states = self.feed.shared_states();
         let fresh = || states.iter().filter_map(|(name, seen)| Some((name, seen.fresh()?)));
         let hears = fresh().find(|(_, state)| {
             let lease = state.lease.as_ref().filter(|lease| lease.holder.as_str() == CLIENT);
             lease.is_some_and(|lease| lease.age_ms < self.times.heard_ms)
         });
-        Seen {
+        Observed {
             present: self.present.load(Ordering::Relaxed),
             hears: hears.map(|(name, _)| name.clone()),
             robots: fresh().map(|(name, _)| name.clone()).collect(),

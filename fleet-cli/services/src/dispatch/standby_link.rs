@@ -4,7 +4,7 @@
 mod questions;
 
 use super::{CLIENT, Clock};
-use crate::ledger::{History, Reader};
+use crate::ledger::{CopyStanding, LedgerReader};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -63,7 +63,7 @@ pub(super) struct ReadFor {
     holds: Holds,
     /// It was answered with nothing new yet: it is not heard again by that.
     parked: bool,
-    found: std::result::Result<(History, Vec<CopiedRecord>), String>,
+    found: std::result::Result<(CopyStanding, Vec<CopiedRecord>), String>,
 }
 
 /// A question that waits for news.
@@ -87,7 +87,7 @@ pub(super) struct StandbyLink {
     pair: Active,
     /// The last record on the own disk.
     own: u64,
-    reader: Arc<Mutex<Reader>>,
+    reader: Arc<Mutex<LedgerReader>>,
     reads: Arc<Semaphore>,
     parked: Vec<Parked>,
     /// The last copy that has left, and with which question: those before it do not count any more.
@@ -124,7 +124,7 @@ impl StandbyLink {
         let (store, times) = (dispatcher.store(), Times::default());
         let own = store.next_n() - 1;
         let pair = Active::new(times, clock.ms(), own, store.term(), store.pair());
-        let reader = Arc::new(Mutex::new(Reader::open(path)?));
+        let reader = Arc::new(Mutex::new(LedgerReader::open(path)?));
         let run = (Uuid::new_v4().as_u128() >> 80) as u64;
         Ok(Self {
             inputs,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::task_store::record::VERSION;
-use xtb_dispatch::{Entry, Record, ReplayError, Settings, TaskStore};
+use xtb_dispatch::{DispatcherSettings, LedgerEntry, Record, ReplayError, TaskStore};
 use xtb_protocol::messages::MAX_TERM;
 use xtb_protocol::{Name, Uuid};
 
@@ -13,9 +13,9 @@ use xtb_protocol::{Name, Uuid};
 #[derive(Debug)]
 pub struct Store {
     /// The ledger.
-    pub ledger: Ledger<Entry>,
+    pub ledger: Ledger<LedgerEntry>,
     /// Its entries, from the last snapshot on.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<LedgerEntry>,
     /// It is new: there was none, or that was put aside.
     pub created: bool,
     /// Where the one of before is kept, if that was put aside.
@@ -31,7 +31,7 @@ impl Store {
     /// What the ledger says; or entries of a later version, or out of their place.
     pub fn open(path: &Path, fleet: &Name) -> Result<Self> {
         make_folder(path)?;
-        let (ledger, recovered) = Ledger::<Entry>::create_or_open(path, fleet.as_str())?;
+        let (ledger, recovered) = Ledger::<LedgerEntry>::create_or_open(path, fleet.as_str())?;
         Self::read(path, ledger, recovered)
     }
 
@@ -41,12 +41,12 @@ impl Store {
     /// Another process holds it; there is something else than a ledger of this fleet; the system refuses.
     pub fn fresh(path: &Path, fleet: &Name) -> Result<Self> {
         make_folder(path)?;
-        let (ledger, set_aside) = Ledger::<Entry>::begin_anew(path, fleet.as_str(), wall_ms())?;
+        let (ledger, set_aside) = Ledger::<LedgerEntry>::begin_anew(path, fleet.as_str(), wall_ms())?;
         let recovered = Recovered { created: true, rows: Vec::new() };
         Ok(Self { set_aside, ..Self::read(path, ledger, recovered)? })
     }
 
-    fn read(path: &Path, ledger: Ledger<Entry>, recovered: Recovered<Entry>) -> Result<Self> {
+    fn read(path: &Path, ledger: Ledger<LedgerEntry>, recovered: Recovered<LedgerEntry>) -> Result<Self> {
         let Recovered { created, rows } = recovered;
         let mut entries = Vec::with_capacity(rows.len());
         for row in rows {
@@ -97,7 +97,7 @@ impl Store {
         let path = self.ledger.path().to_owned();
         let refused =
             |what: &str| Error::new(ErrorKind::Failed, format!("ledger {}: {what}", path.display()));
-        let keep = Settings::default().keep_ended;
+        let keep = DispatcherSettings::default().keep_ended;
         let book = TaskStore::replay(keep, self.entries.iter().cloned());
         let book = book.map_err(|error| unreadable(&path, &error))?;
         if book.ledger().is_none() {
@@ -112,7 +112,7 @@ impl Store {
             );
         }
         let record = Record::Term { term };
-        let entry = Entry { v: record.version(), n: book.next_n(), at_ms: wall_ms(), record };
+        let entry = LedgerEntry { v: record.version(), n: book.next_n(), at_ms: wall_ms(), record };
         self.ledger.append(std::slice::from_ref(&entry))?;
         self.entries.push(entry);
         Ok(term)
@@ -222,8 +222,8 @@ mod tests {
         Name::new("lab").unwrap()
     }
 
-    fn entry(v: u32, n: u64) -> Entry {
-        Entry { v, n, at_ms: 5, record: Record::Opened { ledger: 7 } }
+    fn entry(v: u32, n: u64) -> LedgerEntry {
+        LedgerEntry { v, n, at_ms: 5, record: Record::Opened { ledger: 7 } }
     }
 
     #[test]

@@ -3,13 +3,12 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use xtb_control::speed::STANDS_MPS;
 use xtb_protocol::Name;
 use xtb_protocol::messages::{RobotState, TaskState, TaskStep};
 
 /// A robot that moved this much between two looks was set there, by a fix or by hand.
 const LEAP_M: f64 = 0.5;
-/// Slower than this is standing.
-const STANDS_MPS: f64 = 0.02;
 /// States further apart than this count as this: whoever did not look does not know.
 const LONGEST_LOOK_MS: u64 = 2_000;
 

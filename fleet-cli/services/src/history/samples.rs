@@ -8,7 +8,7 @@ use xtb_protocol::messages::{RobotState, StopReason, TaskState, TaskStep};
 
 /// What a robot did in a while.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Sample {
+pub struct ActivitySample {
     /// Heard for so long, in s.
     pub heard_s: f64,
     /// With a task or a goal for so long, in s.
@@ -41,7 +41,7 @@ struct Known {
 #[derive(Debug, Default)]
 pub struct Samples {
     known: BTreeMap<Name, Known>,
-    due: BTreeMap<Name, Sample>,
+    due: BTreeMap<Name, ActivitySample>,
 }
 
 impl Samples {
@@ -82,15 +82,15 @@ impl Samples {
     }
 
     /// What has come together since the last time.
-    pub fn take(&mut self) -> Vec<(Name, Sample)> {
+    pub fn take(&mut self) -> Vec<(Name, ActivitySample)> {
         let due = std::mem::take(&mut self.due);
-        due.into_iter().filter(|(_, sample)| *sample != Sample::default()).collect()
+        due.into_iter().filter(|(_, sample)| *sample != ActivitySample::default()).collect()
     }
 }
 
-fn entry<'a>(due: &'a mut BTreeMap<Name, Sample>, robot: &Name) -> &'a mut Sample {
+fn entry<'a>(due: &'a mut BTreeMap<Name, ActivitySample>, robot: &Name) -> &'a mut ActivitySample {
     if !due.contains_key(robot) {
-        due.insert(robot.clone(), Sample::default());
+        due.insert(robot.clone(), ActivitySample::default());
     }
     due.entry(robot.clone()).or_default()
 }

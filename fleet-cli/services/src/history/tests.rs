@@ -3,7 +3,7 @@
 use super::*;
 use xtb_client::ErrorKind;
 use xtb_client::fake::name;
-use xtb_dispatch::alerts::Step;
+use xtb_dispatch::alerts::AlertStep;
 use xtb_protocol::messages::{
     Acknowledged, AlertKind, HistoryEvent, HistoryPlace, MAX_HISTORY_PAGE, StopCount, TaskState, TaskStep,
 };
@@ -47,7 +47,7 @@ fn events(path: &Path, request: &HistoryRequest) -> (Vec<HistoryEvent>, bool) {
 }
 
 fn open(path: &Path) -> History {
-    History::open(path, Bounds::default()).unwrap().0
+    History::open(path, Retention::default()).unwrap().0
 }
 
 #[test]
@@ -56,15 +56,20 @@ fn events_outlive_the_program_and_are_written_once() {
     let path = path_beside(&folder.path().join("lab.ledger"));
     assert!(path.ends_with("lab.ledger-history"));
     let history = open(&path);
-    history.event(Row::robot(now_ms(), &lease(1)));
-    history.event(Row::robot(now_ms(), &lease(2)));
+    history.event(HistoryRow::robot(now_ms(), &lease(1)));
+    history.event(HistoryRow::robot(now_ms(), &lease(2)));
     drop(history);
     let history = open(&path);
     // A robot sends its last events to whoever comes late.
-    history.event(Row::robot(now_ms() + 5, &lease(2)));
+    history.event(HistoryRow::robot(now_ms() + 5, &lease(2)));
     let step = TaskStep { at_ms: now_ms(), state: TaskState::Done, robot: None, legs_done: 1, reason: None };
-    history.event(Row::task(&TaskEvent { ledger: 1, entry: 2, task: TaskId::new(7), step: step.clone() }));
-    history.event(Row::task(&TaskEvent { ledger: 1, entry: 3, task: TaskId::new(7), step }));
+    history.event(HistoryRow::task(&TaskEvent {
+        ledger: 1,
+        entry: 2,
+        task: TaskId::new(7),
+        step: step.clone(),
+    }));
+    history.event(HistoryRow::task(&TaskEvent { ledger: 1, entry: 3, task: TaskId::new(7), step }));
     drop(history);
     let (found, more) = events(&path, &all());
     let texts: Vec<&str> = found.iter().map(|event| event.text.as_str()).collect();
@@ -81,9 +86,9 @@ fn a_page_is_what_was_asked_for() {
     let base = now_ms();
     for n in 1..=10_u64 {
         let robot = name(if n % 2 == 0 { "xtb-2" } else { "xtb-1" });
-        history.event(Row::presence(base + n, &robot, n % 3 == 0));
+        history.event(HistoryRow::presence(base + n, &robot, n % 3 == 0));
     }
-    history.event(Row::robot(base + 11, &lease(1)));
+    history.event(HistoryRow::robot(base + 11, &lease(1)));
     drop(history);
     let page = |change: &dyn Fn(&mut HistoryRequest)| {
         let mut request = all();
@@ -116,8 +121,8 @@ fn a_page_is_what_was_asked_for() {
     assert_eq!(by(&|_, _, _, search| *search = Some("%' OR 1=1 --".into())), [0_u64; 0]);
 }
 
-fn sample(driven_m: f64, volts: Option<f64>) -> Sample {
-    Sample {
+fn sample(driven_m: f64, volts: Option<f64>) -> ActivitySample {
+    ActivitySample {
         heard_s: 10.0,
         active_s: 5.0,
         driving_s: 4.0,
@@ -176,10 +181,10 @@ fn alerts_are_kept_as_they_were_last() {
     history.alert(alert(1));
     history.alert(alert(2));
     history.alert(seen.clone());
-    let change = Change { step: Step::Acknowledged, alert: seen.clone() };
-    history.event(Row::alert(now_ms(), &change));
+    let change = AlertChange { step: AlertStep::Acknowledged, alert: seen.clone() };
+    history.event(HistoryRow::alert(now_ms(), &change));
     drop(history);
-    let (history, kept) = History::open(&path, Bounds::default()).unwrap();
+    let (history, kept) = History::open(&path, Retention::default()).unwrap();
     assert_eq!(kept, [seen, alert(2)]);
     drop(history);
     assert_eq!(events(&path, &all()).0[0].text, "alert 1 acknowledged by alice: xtb-1 latched");
@@ -195,7 +200,7 @@ fn what_is_too_old_or_too_much_goes() {
             let (id, robot) = (Uuid::from_u128(u128::from(n)), name("xtb-1"));
             let status = xtb_protocol::messages::GoalStatus::Failed;
             let kind = EventKind::Goal { id, status, reason: Some("x".repeat(2000)) };
-            Row::robot(at_ms + n, &Event { robot, epoch: at_ms, seq: n, tick_ms: 0, kind })
+            HistoryRow::robot(at_ms + n, &Event { robot, epoch: at_ms, seq: n, tick_ms: 0, kind })
         });
         events.for_each(|row| history.event(row));
     };
@@ -203,7 +208,7 @@ fn what_is_too_old_or_too_much_goes() {
     fill(now - 100 * DAY_MS, 5);
     fill(now, 3000);
     assert!(std::fs::metadata(&path).unwrap().len() > 2 << 20);
-    let bounds = Bounds { keep_days: 90, max_mib: 1 };
+    let bounds = Retention { keep_days: 90, max_mib: 1 };
     let mut writer = write::Writer::new(schema::open(&path).unwrap(), bounds, Arc::default());
     writer.prune(now + DAY_MS).unwrap();
     drop(writer);
@@ -230,14 +235,14 @@ fn what_is_no_history_is_left_alone() {
     let path = folder.path().join("other");
     std::fs::write(&path, "no database, but a long enough text of somebody: ".repeat(40)).unwrap();
     let before = std::fs::read(&path).unwrap();
-    assert!(matches!(History::open(&path, Bounds::default()), Err(HistoryError::Sqlite { .. })));
+    assert!(matches!(History::open(&path, Retention::default()), Err(HistoryError::Sqlite { .. })));
     assert_eq!(std::fs::read(&path).unwrap(), before);
     let other = folder.path().join("ledger");
     Connection::open(&other)
         .unwrap()
         .execute_batch("PRAGMA application_id = 7; CREATE TABLE a (b);")
         .unwrap();
-    assert!(matches!(History::open(&other, Bounds::default()), Err(HistoryError::NotOurs { .. })));
+    assert!(matches!(History::open(&other, Retention::default()), Err(HistoryError::NotOurs { .. })));
 }
 
 #[test]
@@ -252,7 +257,7 @@ fn a_question_beyond_the_queue_is_answered_at_once_and_counted() {
     assert!(matches!(second.try_recv(), Ok(HistoryReply::Failed { .. })));
     let (jobs, _waiting) = sync_channel(0);
     history.jobs = Some(jobs);
-    history.event(Row::robot(1, &lease(1)));
+    history.event(HistoryRow::robot(1, &lease(1)));
     let counters = history.counters();
     assert_eq!((counters.overloaded, counters.dropped), (1, 1));
 }

@@ -1,6 +1,6 @@
 //! The thread that writes: many jobs to a commit, the oldest rows go first.
 
-use super::{Bounds, Job, MAX_TEXT, PIECE_MS, Row, Sample, Shared, stored};
+use super::{ActivitySample, HistoryRow, Job, MAX_TEXT, PIECE_MS, Retention, Shared, stored};
 use rusqlite::{Connection, Transaction, params};
 use std::path::Path;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ const DAY_MS: u64 = 24 * 3600 * 1000;
 
 pub(super) struct Writer {
     connection: Connection,
-    bounds: Bounds,
+    bounds: Retention,
     shared: Arc<Shared>,
     pruned: Option<Instant>,
     rows: u64,
@@ -28,7 +28,7 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    pub(super) fn new(connection: Connection, bounds: Bounds, shared: Arc<Shared>) -> Self {
+    pub(super) fn new(connection: Connection, bounds: Retention, shared: Arc<Shared>) -> Self {
         Self { connection, bounds, shared, pruned: None, rows: 0, complained: false }
     }
 
@@ -119,8 +119,8 @@ impl Writer {
     }
 }
 
-fn event(transaction: &Transaction<'_>, row: &Row) -> rusqlite::Result<()> {
-    let Row { at_ms, robot, kind, about, text, once } = row;
+fn event(transaction: &Transaction<'_>, row: &HistoryRow) -> rusqlite::Result<()> {
+    let HistoryRow { at_ms, robot, kind, about, text, once } = row;
     let put = "INSERT OR IGNORE INTO events (at_ms, robot, kind, about, text, epoch, seq) \
                VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)";
     let text: String = match text.char_indices().find(|(at, _)| *at >= MAX_TEXT) {
@@ -141,7 +141,12 @@ fn event(transaction: &Transaction<'_>, row: &Row) -> rusqlite::Result<()> {
     put.map(drop)
 }
 
-fn sample(transaction: &Transaction<'_>, from_ms: u64, robot: &Name, done: &Sample) -> rusqlite::Result<()> {
+fn sample(
+    transaction: &Transaction<'_>,
+    from_ms: u64,
+    robot: &Name,
+    done: &ActivitySample,
+) -> rusqlite::Result<()> {
     let put = "INSERT INTO samples VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10) \
                ON CONFLICT (from_ms, robot) DO UPDATE SET \
                heard_s = heard_s + excluded.heard_s, active_s = active_s + excluded.active_s, \

@@ -1,7 +1,7 @@
 //! A ledger that is a copy of another one: its records come with their numbers, and the file says that they do.
 //! [`Reader`] reads, beside the writer, what such a copy lacks.
 
-use super::error::{Damage, Fault, LedgerError};
+use super::error::{Damage, LedgerError, LedgerFault};
 use super::{Body, Ledger, export, schema};
 use rusqlite::{Connection, OptionalExtension, params};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ impl<R> Ledger<R> {
     pub fn copy_id(&self) -> Result<Option<u64>, LedgerError> {
         let query = "SELECT value FROM about WHERE name = 'copy'";
         let read = self.connection.query_row(query, [], |row| row.get::<_, String>(0)).optional();
-        let text = read.map_err(|error| Fault::sqlite("reading", error).of(&self.path))?;
+        let text = read.map_err(|error| LedgerFault::sqlite("reading", error).of(&self.path))?;
         Ok(text.and_then(|text| text.parse().ok()))
     }
 
@@ -31,7 +31,7 @@ impl<R> Ledger<R> {
             }
             None => self.connection.execute("DELETE FROM about WHERE name = 'copy'", []),
         };
-        done.map(drop).map_err(|error| Fault::sqlite("writing", error).of(&self.path))
+        done.map(drop).map_err(|error| LedgerFault::sqlite("writing", error).of(&self.path))
     }
 
     /// Check sum of the last record's JSON; 0 if there is none.
@@ -40,7 +40,8 @@ impl<R> Ledger<R> {
     /// The file cannot be read.
     pub fn last_sum(&self) -> Result<u32, LedgerError> {
         let sum = sum_of(&self.connection, self.last_seq);
-        sum.map(Option::unwrap_or_default).map_err(|error| Fault::sqlite("reading", error).of(&self.path))
+        sum.map(Option::unwrap_or_default)
+            .map_err(|error| LedgerFault::sqlite("reading", error).of(&self.path))
     }
 
     /// Writes whole records of another ledger under their own numbers, all or none; when it returns they are on
@@ -52,13 +53,13 @@ impl<R> Ledger<R> {
         self.copy_all(records).map_err(|fault| fault.of(&self.path))
     }
 
-    fn copy_all(&mut self, records: Vec<CopiedRecord>) -> Result<u64, Fault> {
+    fn copy_all(&mut self, records: Vec<CopiedRecord>) -> Result<u64, LedgerFault> {
         let before = self.last_seq;
         let Some(first) = records.first() else { return Ok(before) };
         let from = if first.snapshot && first.seq > before { first.seq } else { before + 1 };
         for (expected, record) in (from..).zip(&records) {
             if record.seq != expected {
-                return Err(Fault::Damaged(Damage::Gap { expected, found: record.seq }));
+                return Err(LedgerFault::Damaged(Damage::Gap { expected, found: record.seq }));
             }
         }
         let body = |record: CopiedRecord| Body { text: record.body, snapshot: record.snapshot };
@@ -70,7 +71,7 @@ impl<R> Ledger<R> {
 
 /// How the asker's last record stands in this ledger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum History {
+pub enum CopyStanding {
     /// It is there, or the asker has none.
     Same,
     /// A snapshot has replaced it.
@@ -81,12 +82,12 @@ pub enum History {
 
 /// Reads a ledger for its copies.
 #[derive(Debug)]
-pub struct Reader {
+pub struct LedgerReader {
     path: PathBuf,
     connection: Connection,
 }
 
-impl Reader {
+impl LedgerReader {
     /// Opens a ledger that this process holds.
     ///
     /// # Errors
@@ -107,7 +108,7 @@ impl Reader {
         sum: u32,
         offset: u64,
         most: usize,
-    ) -> Result<(History, Vec<CopiedRecord>), LedgerError> {
+    ) -> Result<(CopyStanding, Vec<CopiedRecord>), LedgerError> {
         self.read_page(last, sum, offset, most).map_err(|fault| fault.of(&self.path))
     }
 
@@ -117,12 +118,12 @@ impl Reader {
         sum: u32,
         offset: u64,
         most: usize,
-    ) -> Result<(History, Vec<CopiedRecord>), Fault> {
-        let fault = |error| Fault::sqlite("reading", error);
+    ) -> Result<(CopyStanding, Vec<CopiedRecord>), LedgerFault> {
+        let fault = |error| LedgerFault::sqlite("reading", error);
         // One transaction: a snapshot between two queries would hide records.
         let reading = self.connection.unchecked_transaction().map_err(fault)?;
         let history = history(&reading, last, sum).map_err(fault)?;
-        if history == History::Other {
+        if history == CopyStanding::Other {
             return Ok((history, Vec::new()));
         }
         let query = "SELECT seq, at_ms, kind, body, crc FROM records WHERE seq > ?1 ORDER BY seq";
@@ -134,7 +135,7 @@ impl Reader {
             let (kind, body): (String, String) = (row.get(2).map_err(fault)?, row.get(3).map_err(fault)?);
             if row.get::<_, i64>(4).map_err(fault)? != i64::from(schema::record_sum(seq, at_ms, &kind, &body))
             {
-                return Err(Fault::Damaged(Damage::Record { seq }));
+                return Err(LedgerFault::Damaged(Damage::Record { seq }));
             }
             if !records.is_empty() && body.len() > room {
                 break;
@@ -159,13 +160,17 @@ fn sum_of(connection: &Connection, seq: u64) -> rusqlite::Result<Option<u32>> {
     Ok(body.map(|body| schema::check_sum(body.as_bytes())))
 }
 
-fn history(connection: &Connection, last: u64, sum: u32) -> rusqlite::Result<History> {
+fn history(connection: &Connection, last: u64, sum: u32) -> rusqlite::Result<CopyStanding> {
     if last == 0 || sum_of(connection, last)? == Some(sum) {
-        return Ok(History::Same);
+        return Ok(CopyStanding::Same);
     }
     let query = "SELECT seq FROM records ORDER BY seq LIMIT 1";
     let first = connection.query_row(query, [], |row| row.get::<_, i64>(0)).optional()?;
-    Ok(if first.is_some_and(|first| first as u64 > last) { History::Replaced } else { History::Other })
+    Ok(if first.is_some_and(|first| first as u64 > last) {
+        CopyStanding::Replaced
+    } else {
+        CopyStanding::Other
+    })
 }
 
 /// At most `most` bytes of a text from a byte on, without half a character; all of none if that is behind its end.

@@ -13,12 +13,12 @@ pub struct LedgerError {
     pub path: PathBuf,
     /// What is wrong.
     #[source]
-    pub fault: Fault,
+    pub fault: LedgerFault,
 }
 
 /// What is wrong with it.
 #[derive(Debug, thiserror::Error)]
-pub enum Fault {
+pub enum LedgerFault {
     /// Another process writes it.
     #[error("in use by another dispatcher{}", pid.map(|pid| format!(" (process {pid})")).unwrap_or_default())]
     Held {
@@ -162,7 +162,7 @@ pub enum Damage {
     },
 }
 
-impl Fault {
+impl LedgerFault {
     /// With the file that it is about.
     pub(super) fn of(self, path: &Path) -> LedgerError {
         LedgerError { path: path.to_owned(), fault: self }
@@ -202,28 +202,34 @@ impl LedgerError {
         let file = self.path.display();
         let export = "`fleet-cli dispatch export --json` saves the readable records";
         match &self.fault {
-            Fault::Held { .. } => "a fleet has one dispatcher; stop the other one first".into(),
-            Fault::Empty => format!("restore {file} from a backup, or remove it to start a new one"),
-            Fault::NotALedger { .. } => "choose another file with --ledger".into(),
-            Fault::Gone { .. } | Fault::LogAlone { .. } => format!(
+            LedgerFault::Held { .. } => "a fleet has one dispatcher; stop the other one first".into(),
+            LedgerFault::Empty => format!("restore {file} from a backup, or remove it to start a new one"),
+            LedgerFault::NotALedger { .. } => "choose another file with --ledger".into(),
+            LedgerFault::Gone { .. } | LedgerFault::LogAlone { .. } => format!(
                 "restore {file} from a backup; to start a new one, remove {file}-lock and {file}-wal too"
             ),
-            Fault::OtherFleet { found, .. } => {
+            LedgerFault::OtherFleet { found, .. } => {
                 format!("use --fleet {found}, or choose another file with --ledger")
             }
-            Fault::Newer { .. } | Fault::Meaning { .. } => {
+            LedgerFault::Newer { .. } | LedgerFault::Meaning { .. } => {
                 "use the newer fleet-cli that wrote it; nothing was changed".into()
             }
-            Fault::Damaged(Damage::Lost { .. }) => format!(
+            LedgerFault::Damaged(Damage::Lost { .. }) => format!(
                 "{export}; restore {file} and {file}-wal, or remove {file}-lock to continue with the \
                  existing records"
             ),
-            Fault::Damaged(_) => format!("{export}; then restore {file} from a backup. Nothing was changed"),
-            Fault::Full { .. } => "free disk space; no acknowledged record is lost".into(),
-            Fault::ReadOnly { .. } => format!("the dispatcher must be able to write {file} and its folder"),
-            Fault::Overtaken { .. } => format!("stop the other program that writes {file}, then start again"),
-            Fault::Encode(_) | Fault::TooLong { .. } => "split the task".into(),
-            Fault::Io { .. } | Fault::Sqlite { .. } => {
+            LedgerFault::Damaged(_) => {
+                format!("{export}; then restore {file} from a backup. Nothing was changed")
+            }
+            LedgerFault::Full { .. } => "free disk space; no acknowledged record is lost".into(),
+            LedgerFault::ReadOnly { .. } => {
+                format!("the dispatcher must be able to write {file} and its folder")
+            }
+            LedgerFault::Overtaken { .. } => {
+                format!("stop the other program that writes {file}, then start again")
+            }
+            LedgerFault::Encode(_) | LedgerFault::TooLong { .. } => "split the task".into(),
+            LedgerFault::Io { .. } | LedgerFault::Sqlite { .. } => {
                 "no acknowledged record is lost; check the disk".into()
             }
         }
@@ -233,7 +239,7 @@ impl LedgerError {
 impl From<&LedgerError> for Error {
     fn from(error: &LedgerError) -> Self {
         let kind = match error.fault {
-            Fault::OtherFleet { .. } | Fault::NotALedger { .. } => ErrorKind::Config,
+            LedgerFault::OtherFleet { .. } | LedgerFault::NotALedger { .. } => ErrorKind::Config,
             _ => ErrorKind::Failed,
         };
         Self::new(kind, error.to_string()).hint(error.hint())

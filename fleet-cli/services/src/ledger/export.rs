@@ -1,7 +1,7 @@
 //! Reads a ledger without writing it: beside a running dispatcher, or what is left of a damaged one.
 
-use super::error::{Damage, Fault, LedgerError};
-use super::{Row, holder, schema};
+use super::error::{Damage, LedgerError, LedgerFault};
+use super::{LedgerRow, holder, schema};
 use rusqlite::types::ValueRef;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use serde::de::DeserializeOwned;
@@ -26,7 +26,7 @@ pub struct StoredRow {
 
 /// What could be read of a ledger.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Reading {
+pub struct LedgerReading {
     /// Whose it is, if that can be read.
     pub fleet: Option<String>,
     /// All rows that can be read, in their order: also those that are not intact.
@@ -40,10 +40,10 @@ impl StoredRow {
     ///
     /// # Errors
     /// The text is not such a record.
-    pub fn decode<R: DeserializeOwned>(self) -> Result<Row<R>, Fault> {
+    pub fn decode<R: DeserializeOwned>(self) -> Result<LedgerRow<R>, LedgerFault> {
         let record = serde_json::from_str(&self.body);
-        let record = record.map_err(|source| Fault::Meaning { seq: self.seq, source })?;
-        Ok(Row { seq: self.seq, at_ms: self.at_ms, snapshot: self.snapshot, record })
+        let record = record.map_err(|source| LedgerFault::Meaning { seq: self.seq, source })?;
+        Ok(LedgerRow { seq: self.seq, at_ms: self.at_ms, snapshot: self.snapshot, record })
     }
 }
 
@@ -51,7 +51,7 @@ impl StoredRow {
 ///
 /// # Errors
 /// There is none, it is something else, or a newer program's; nothing at all can be read.
-pub fn read(path: &Path) -> Result<Reading, LedgerError> {
+pub fn read(path: &Path) -> Result<LedgerReading, LedgerError> {
     // Before the rows: a dispatcher that goes on meanwhile must not look as if it had lost some.
     let acknowledged = holder::acknowledged(path);
     let reading = open(path).and_then(|connection| {
@@ -62,7 +62,7 @@ pub fn read(path: &Path) -> Result<Reading, LedgerError> {
         if let Some(acknowledged) = acknowledged.filter(|acknowledged| *acknowledged > found) {
             damage.push(Damage::Lost { acknowledged, found });
         }
-        Ok(Reading { fleet: schema::fleet(&connection).ok(), rows, damage })
+        Ok(LedgerReading { fleet: schema::fleet(&connection).ok(), rows, damage })
     });
     reading.map_err(|fault| fault.of(path))
 }
@@ -75,16 +75,16 @@ pub fn backup(path: &Path, to: &Path) -> Result<(), LedgerError> {
     let doing = "writing the copy";
     let copy = || {
         if fs::metadata(to).is_ok_and(|copy| copy.len() > 0) {
-            return Err(Fault::io(doing, io::ErrorKind::AlreadyExists.into()));
+            return Err(LedgerFault::io(doing, io::ErrorKind::AlreadyExists.into()));
         }
         let connection = open(path)?;
         // From the root on, so that no name looks like a URI.
-        let to = std::path::absolute(to).map_err(|error| Fault::io(doing, error))?;
+        let to = std::path::absolute(to).map_err(|error| LedgerFault::io(doing, error))?;
         let copied = connection.execute("VACUUM INTO ?1", [to.to_string_lossy()]);
-        copied.map_err(|error| Fault::sqlite(doing, error))?;
+        copied.map_err(|error| LedgerFault::sqlite(doing, error))?;
         // SQLite does not wait for the disk here.
         let synced = File::open(&to).and_then(|copy| copy.sync_all()).and_then(|()| super::sync_folder(&to));
-        synced.map_err(|error| Fault::io(doing, error))
+        synced.map_err(|error| LedgerFault::io(doing, error))
     };
     copy().map_err(|fault| fault.of(path))
 }
@@ -95,11 +95,11 @@ pub(super) fn kind(snapshot: bool) -> &'static str {
 }
 
 /// All rows in their order.
-pub(super) fn rows(connection: &Connection) -> Result<Vec<StoredRow>, Fault> {
+pub(super) fn rows(connection: &Connection) -> Result<Vec<StoredRow>, LedgerFault> {
     let mut rows = Vec::new();
     match each(connection, true, |row| rows.push(row)) {
         Ok(()) => Ok(rows),
-        Err(error) => Err(Fault::sqlite("reading", error)),
+        Err(error) => Err(LedgerFault::sqlite("reading", error)),
     }
 }
 
@@ -119,13 +119,13 @@ pub(super) fn gaps(rows: &[StoredRow], damage: &mut Vec<Damage>) {
 }
 
 /// From the front as far as it goes, and then from the back.
-fn salvage(connection: &Connection, damage: &mut Vec<Damage>) -> Result<Vec<StoredRow>, Fault> {
+fn salvage(connection: &Connection, damage: &mut Vec<Damage>) -> Result<Vec<StoredRow>, LedgerFault> {
     let mut rows: Vec<StoredRow> = Vec::new();
     let Err(error) = each(connection, true, |row| rows.push(row)) else {
         return Ok(rows);
     };
-    let fault = Fault::sqlite("reading", error);
-    let Fault::Damaged(found) = fault else {
+    let fault = LedgerFault::sqlite("reading", error);
+    let LedgerFault::Damaged(found) = fault else {
         return Err(fault);
     };
     damage.push(found);
@@ -160,10 +160,10 @@ fn text(value: ValueRef<'_>) -> String {
     }
 }
 
-pub(super) fn open(path: &Path) -> Result<Connection, Fault> {
-    let file = fs::metadata(path).map_err(|error| Fault::io("looking for it", error))?;
+pub(super) fn open(path: &Path) -> Result<Connection, LedgerFault> {
+    let file = fs::metadata(path).map_err(|error| LedgerFault::io("looking for it", error))?;
     if file.len() == 0 {
-        return Err(Fault::Empty);
+        return Err(LedgerFault::Empty);
     }
     let first = connect(path, "");
     // Without a log there is nothing to share with a writer; and in a folder that may not be written,
@@ -173,7 +173,7 @@ pub(super) fn open(path: &Path) -> Result<Connection, Fault> {
         Err(error) if !log && needs_folder(&error) => connect(path, "&immutable=1"),
         first => first,
     }
-    .map_err(|error| Fault::sqlite("opening it", error))
+    .map_err(|error| LedgerFault::sqlite("opening it", error))
     .and_then(|connection| schema::version(&connection, schema::STEPS.len()).map(|_| connection))
 }
 

@@ -6,7 +6,7 @@
 //! for the disk: it is never ahead of what the disk has, it outlives a kill, and only a power cut can put
 //! it behind. So a ledger that ends before it has lost its end.
 
-use super::error::Fault;
+use super::error::LedgerFault;
 use super::schema::check_sum;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -56,10 +56,10 @@ impl Drop for Holder {
 
 impl Holder {
     /// Takes the ledger, and says what was acknowledged last, if that is known.
-    pub(super) fn take(ledger: &Path) -> Result<(Self, Option<u64>), Fault> {
+    pub(super) fn take(ledger: &Path) -> Result<(Self, Option<u64>), LedgerFault> {
         let path = lock_path(ledger);
         let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
-        let file = open.map_err(|error| Fault::io("opening the lock file", error))?;
+        let file = open.map_err(|error| LedgerFault::io("opening the lock file", error))?;
         let asked = Instant::now();
         loop {
             match file.try_lock() {
@@ -67,13 +67,14 @@ impl Holder {
                 Err(TryLockError::WouldBlock) if asked.elapsed() < RELEASED_WITHIN => {
                     thread::sleep(LOOK_AGAIN)
                 }
-                Err(TryLockError::WouldBlock) => return Err(Fault::Held { pid: pid(&text(&file)) }),
-                Err(TryLockError::Error(error)) => return Err(Fault::io("locking", error)),
+                Err(TryLockError::WouldBlock) => return Err(LedgerFault::Held { pid: pid(&text(&file)) }),
+                Err(TryLockError::Error(error)) => return Err(LedgerFault::io("locking", error)),
             }
         }
         let mark = mark(&text(&file));
         let line = format!("pid {:<10}\n", std::process::id());
-        file.write_all_at(line.as_bytes(), 0).map_err(|error| Fault::io("writing the lock file", error))?;
+        file.write_all_at(line.as_bytes(), 0)
+            .map_err(|error| LedgerFault::io("writing the lock file", error))?;
         Ok((Self { file }, mark))
     }
 

@@ -1,6 +1,6 @@
 //! The tables of a ledger file, their versions, and how one becomes the next.
 
-use super::error::Fault;
+use super::error::LedgerFault;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use rusqlite::Connection;
 use std::time::Duration;
@@ -55,19 +55,19 @@ pub(super) fn set_up(connection: &Connection) -> rusqlite::Result<()> {
 ///
 /// # Errors
 /// The file is no ledger, or one of a newer program.
-pub(super) fn version(connection: &Connection, known: usize) -> Result<u32, Fault> {
+pub(super) fn version(connection: &Connection, known: usize) -> Result<u32, LedgerFault> {
     let number = |pragma: &str| {
         let read = connection.pragma_query_value(None, pragma, |row| row.get::<_, u32>(0));
-        read.map_err(|error| Fault::sqlite("reading the head", error))
+        read.map_err(|error| LedgerFault::sqlite("reading the head", error))
     };
     let id = number("application_id")?;
     if id != APPLICATION_ID {
-        return Err(Fault::NotALedger { what: format!("its application id is {id:#x}") });
+        return Err(LedgerFault::NotALedger { what: format!("its application id is {id:#x}") });
     }
     let (found, known) = (number("user_version")?, known as u32);
     match found {
-        0 => Err(Fault::NotALedger { what: "it has no schema".into() }),
-        found if found > known => Err(Fault::Newer { found, known }),
+        0 => Err(LedgerFault::NotALedger { what: "it has no schema".into() }),
+        found if found > known => Err(LedgerFault::Newer { found, known }),
         found => Ok(found),
     }
 }
@@ -76,7 +76,7 @@ pub(super) fn version(connection: &Connection, known: usize) -> Result<u32, Faul
 ///
 /// # Errors
 /// A step fails; the file is as before.
-pub(super) fn migrate(connection: &mut Connection, from: u32, steps: &[&str]) -> Result<(), Fault> {
+pub(super) fn migrate(connection: &mut Connection, from: u32, steps: &[&str]) -> Result<(), LedgerFault> {
     let run = |connection: &mut Connection| {
         let transaction = connection.transaction()?;
         for step in steps.iter().skip(from as usize) {
@@ -88,12 +88,12 @@ pub(super) fn migrate(connection: &mut Connection, from: u32, steps: &[&str]) ->
     if from as usize == steps.len() {
         return Ok(());
     }
-    run(connection).map_err(|error| Fault::sqlite("updating its schema", error))
+    run(connection).map_err(|error| LedgerFault::sqlite("updating its schema", error))
 }
 
 /// Makes the tables of a new file.
-pub(super) fn create(connection: &mut Connection, fleet: &str) -> Result<(), Fault> {
-    let fault = |error| Fault::sqlite("creating the tables", error);
+pub(super) fn create(connection: &mut Connection, fleet: &str) -> Result<(), LedgerFault> {
+    let fault = |error| LedgerFault::sqlite("creating the tables", error);
     let head = format!(
         "PRAGMA page_size = 4096; PRAGMA auto_vacuum = INCREMENTAL; PRAGMA application_id = {APPLICATION_ID};"
     );
@@ -105,11 +105,11 @@ pub(super) fn create(connection: &mut Connection, fleet: &str) -> Result<(), Fau
 }
 
 /// Whose it is.
-pub(super) fn fleet(connection: &Connection) -> Result<String, Fault> {
+pub(super) fn fleet(connection: &Connection) -> Result<String, LedgerFault> {
     let read = connection
         .query_row("SELECT value FROM about WHERE name = 'fleet'", [], |row| row.get::<_, String>(0));
     read.map_err(|error| match error {
-        rusqlite::Error::QueryReturnedNoRows => Fault::NotALedger { what: "it names no fleet".into() },
-        error => Fault::sqlite("reading the fleet's name", error),
+        rusqlite::Error::QueryReturnedNoRows => LedgerFault::NotALedger { what: "it names no fleet".into() },
+        error => LedgerFault::sqlite("reading the fleet's name", error),
     })
 }

@@ -46,7 +46,7 @@ impl Place {
         place
     }
 
-    fn fault(&self) -> Fault {
+    fn fault(&self) -> LedgerFault {
         self.open().unwrap_err().fault
     }
 }
@@ -103,7 +103,7 @@ fn a_second_dispatcher_is_refused_with_the_holders_process() {
     let place = Place::filled(1);
     let first = place.open().unwrap();
     let error = place.open().unwrap_err();
-    assert!(matches!(error.fault, Fault::Held { pid: Some(pid) } if pid == std::process::id()));
+    assert!(matches!(error.fault, LedgerFault::Held { pid: Some(pid) } if pid == std::process::id()));
     let failure = Error::from(error);
     assert!(failure.message.contains(&format!("process {}", std::process::id())), "{failure}");
     drop(first);
@@ -114,8 +114,8 @@ fn a_second_dispatcher_is_refused_with_the_holders_process() {
 fn an_empty_file_is_refused_and_not_filled() {
     let place = Place::new();
     fs::write(place.path(), "").unwrap();
-    assert!(matches!(place.fault(), Fault::Empty));
-    assert!(matches!(read(&place.path()).unwrap_err().fault, Fault::Empty));
+    assert!(matches!(place.fault(), LedgerFault::Empty));
+    assert!(matches!(read(&place.path()).unwrap_err().fault, LedgerFault::Empty));
     assert_eq!(fs::metadata(place.path()).unwrap().len(), 0);
 }
 
@@ -124,14 +124,14 @@ fn what_is_no_ledger_is_refused_and_not_touched() {
     let place = Place::new();
     let text = "fleet = \"lab\"\n".repeat(100);
     fs::write(place.path(), &text).unwrap();
-    assert!(matches!(place.fault(), Fault::NotALedger { .. }));
+    assert!(matches!(place.fault(), LedgerFault::NotALedger { .. }));
     assert_eq!(fs::read_to_string(place.path()).unwrap(), text);
     fs::remove_file(place.path()).unwrap();
     Connection::open(place.path()).unwrap().execute_batch("CREATE TABLE t (a)").unwrap();
-    assert!(matches!(place.fault(), Fault::NotALedger { .. }));
+    assert!(matches!(place.fault(), LedgerFault::NotALedger { .. }));
     fs::remove_file(place.path()).unwrap();
     fs::create_dir(place.path()).unwrap();
-    assert!(matches!(place.fault(), Fault::NotALedger { .. }));
+    assert!(matches!(place.fault(), LedgerFault::NotALedger { .. }));
 }
 
 #[test]
@@ -147,19 +147,19 @@ fn another_fleets_ledger_is_refused_by_name() {
 fn a_newer_schema_is_refused_by_number() {
     let place = Place::filled(1);
     Connection::open(place.path()).unwrap().pragma_update(None, "user_version", 7).unwrap();
-    assert!(matches!(place.fault(), Fault::Newer { found: 7, known: 1 }));
-    assert!(matches!(read(&place.path()).unwrap_err().fault, Fault::Newer { found: 7, .. }));
+    assert!(matches!(place.fault(), LedgerFault::Newer { found: 7, known: 1 }));
+    assert!(matches!(read(&place.path()).unwrap_err().fault, LedgerFault::Newer { found: 7, .. }));
 }
 
 #[test]
 fn a_ledger_that_was_there_and_is_gone_does_not_begin_anew() {
     let place = Place::filled(3);
     fs::remove_file(place.path()).unwrap();
-    assert!(matches!(place.fault(), Fault::Gone { acknowledged: 3 }));
+    assert!(matches!(place.fault(), LedgerFault::Gone { acknowledged: 3 }));
     assert!(!place.path().exists());
     fs::remove_file(place.beside("-lock")).unwrap();
     fs::write(place.beside("-wal"), "something").unwrap();
-    assert!(matches!(place.fault(), Fault::LogAlone { .. }));
+    assert!(matches!(place.fault(), LedgerFault::LogAlone { .. }));
     fs::remove_file(place.beside("-wal")).unwrap();
     fs::remove_file(place.beside("-lock")).unwrap();
     assert!(place.open().unwrap().1.created);
@@ -175,7 +175,7 @@ fn a_backup_that_is_too_old_is_refused_until_the_lock_file_is_removed() {
     fs::write(place.path(), backup).unwrap();
     let lost = [Damage::Lost { acknowledged: 5, found: 3 }];
     assert_eq!(read(&place.path()).unwrap().damage, lost);
-    assert!(matches!(place.fault(), Fault::Damaged(damage) if damage == lost[0]));
+    assert!(matches!(place.fault(), LedgerFault::Damaged(damage) if damage == lost[0]));
     fs::remove_file(place.beside("-lock")).unwrap();
     assert_eq!(records(place.open().unwrap().1), tasks(3));
 }
@@ -198,7 +198,7 @@ fn records_of_a_newer_program_are_named_and_left_alone() {
     }
     let place = Place::filled(2);
     let error = Ledger::<Known>::create_or_open(&place.path(), "lab").unwrap_err();
-    assert!(matches!(error.fault, Fault::Meaning { seq: 1, .. }), "{error}");
+    assert!(matches!(error.fault, LedgerFault::Meaning { seq: 1, .. }), "{error}");
     assert_eq!(records(place.open().unwrap().1), tasks(2));
 }
 
@@ -208,7 +208,7 @@ fn a_record_that_is_too_long_is_refused_and_the_next_one_taken() {
     let (mut ledger, _) = place.open().unwrap();
     let long = Value::String("x".repeat(MAX_RECORD_BYTES));
     let error = ledger.append(&[task(1), long]).unwrap_err();
-    assert!(matches!(error.fault, Fault::TooLong { .. }));
+    assert!(matches!(error.fault, LedgerFault::TooLong { .. }));
     assert_eq!(ledger.append(&[task(1)]).unwrap(), 1);
 }
 
@@ -243,7 +243,7 @@ fn a_backup_taken_while_it_is_written_is_a_ledger() {
 #[test]
 fn reading_what_is_not_there_makes_nothing() {
     let place = Place::new();
-    assert!(matches!(read(&place.path()).unwrap_err().fault, Fault::Io { .. }));
+    assert!(matches!(read(&place.path()).unwrap_err().fault, LedgerFault::Io { .. }));
     assert_eq!(fs::read_dir(place.folder.path()).unwrap().count(), 0);
 }
 
@@ -255,7 +255,7 @@ fn somebody_who_writes_past_the_lock_is_noticed() {
     let (mut other, _) = place.open().unwrap();
     other.append(&[task(2)]).unwrap();
     let error = ledger.append(&[task(3)]).unwrap_err();
-    assert!(matches!(error.fault, Fault::Overtaken { seq: 2 }), "{error}");
+    assert!(matches!(error.fault, LedgerFault::Overtaken { seq: 2 }), "{error}");
     drop((ledger, other));
     assert_eq!(records(place.open().unwrap().1), tasks(2));
 }
@@ -281,7 +281,7 @@ fn what_may_not_be_written_is_said_and_read_all_the_same() {
     let (mut ledger, _) = place.open().unwrap();
     ledger.connection.pragma_update(None, "query_only", true).unwrap();
     let error = ledger.append(&[task(3)]).unwrap_err();
-    assert!(matches!(error.fault, Fault::ReadOnly { .. }), "{error}");
+    assert!(matches!(error.fault, LedgerFault::ReadOnly { .. }), "{error}");
     assert_eq!(read(&place.path()).unwrap().rows.len(), 2);
     ledger.connection.pragma_update(None, "query_only", false).unwrap();
     assert_eq!(ledger.append(&[task(3)]).unwrap(), 3);
@@ -297,11 +297,11 @@ fn a_file_and_a_folder_that_may_not_be_written_are_said_and_read_all_the_same() 
     if fs::write(place.beside("-probe"), "").is_ok() {
         return eprintln!("skipped, as this user may write everything");
     }
-    assert!(matches!(place.fault(), Fault::ReadOnly { .. }));
+    assert!(matches!(place.fault(), LedgerFault::ReadOnly { .. }));
     assert_eq!(read(&place.path()).unwrap().rows.len(), 2);
     let other = place.folder.path().join("other.ledger");
     let error = Ledger::<Value>::create_or_open(&other, "lab").unwrap_err();
-    assert!(matches!(error.fault, Fault::ReadOnly { .. }), "{error}");
+    assert!(matches!(error.fault, LedgerFault::ReadOnly { .. }), "{error}");
     allow(place.folder.path(), 0o755);
     allow(&place.path(), 0o644);
     assert_eq!(records(place.open().unwrap().1), tasks(2));

@@ -6,7 +6,7 @@
 //! commit ends and another page follows, what is broken had been on the disk.
 //! The format is described at <https://www.sqlite.org/fileformat2.html#the_write_ahead_log>.
 
-use super::error::{Damage, Fault};
+use super::error::{Damage, LedgerFault};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
@@ -17,15 +17,15 @@ const FRAME_HEAD: usize = 24;
 const MAGIC: u32 = 0x377f_0682;
 
 /// Looks a log through; none, an empty one and one with a torn end are fine.
-pub(super) fn check(log: &Path) -> Result<(), Fault> {
+pub(super) fn check(log: &Path) -> Result<(), LedgerFault> {
     let file = match File::open(log) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(Fault::io("opening the log", error)),
+        Err(error) => return Err(LedgerFault::io("opening the log", error)),
     };
-    let length = file.metadata().map_err(|error| Fault::io("opening the log", error))?.len();
-    match look(BufReader::new(file), length).map_err(|error| Fault::io("reading the log", error))? {
-        Some(damage) => Err(Fault::Damaged(damage)),
+    let length = file.metadata().map_err(|error| LedgerFault::io("opening the log", error))?.len();
+    match look(BufReader::new(file), length).map_err(|error| LedgerFault::io("reading the log", error))? {
+        Some(damage) => Err(LedgerFault::Damaged(damage)),
         None => Ok(()),
     }
 }

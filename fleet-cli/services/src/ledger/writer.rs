@@ -5,7 +5,7 @@
 //! heard of it: a record may rest on the one that failed. So every submission that was handed over before
 //! [`Writer::resume`] fails too, and the owner decides what to submit again.
 
-use super::{Body, Fault, Ledger, LedgerError};
+use super::{Body, Ledger, LedgerError, LedgerFault};
 use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
@@ -23,7 +23,7 @@ const GROUP_BYTES: usize = 4 << 20;
 
 /// The owner's end of the thread. Dropping it writes what waits, and gives the ledger back to the system.
 #[derive(Debug)]
-pub struct Writer {
+pub struct LedgerWriter {
     jobs: Option<SyncSender<Job>>,
     shared: Arc<Mutex<Shared>>,
     thread: Option<JoinHandle<()>>,
@@ -34,12 +34,12 @@ pub struct Writer {
 ///
 /// `.await` it, or `blocking_recv` outside of tokio; a closed channel means that the thread is gone and
 /// the outcome unknown.
-pub type Ticket = oneshot::Receiver<Result<u64, WriteError>>;
+pub type PendingWrite = oneshot::Receiver<Result<u64, LedgerWriteError>>;
 
 /// A submission that was not written.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{}{error}", if *.behind { "not written because an earlier write failed: " } else { "" })]
-pub struct WriteError {
+pub struct LedgerWriteError {
     /// Why.
     pub error: Arc<LedgerError>,
     /// It was fine itself, but came behind one that failed.
@@ -67,7 +67,7 @@ pub enum Refused {
 
 /// What a writer has done, for everybody to see.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct Counters {
+pub struct LedgerCounters {
     /// Records on the disk.
     pub records: u64,
     /// Commits, each of which waited for the disk once.
@@ -92,17 +92,17 @@ pub struct Counters {
 
 #[derive(Debug, Default)]
 struct Shared {
-    counters: Counters,
+    counters: LedgerCounters,
     last_error_at: Option<Instant>,
 }
 
 #[derive(Debug)]
 enum Job {
-    Write { bodies: Vec<Body>, answer: oneshot::Sender<Result<u64, WriteError>> },
+    Write { bodies: Vec<Body>, answer: oneshot::Sender<Result<u64, LedgerWriteError>> },
     Resume { failure: u64 },
 }
 
-impl Writer {
+impl LedgerWriter {
     /// Starts the thread, with room for `queue` submissions ([`QUEUE`] is plenty).
     ///
     /// # Errors
@@ -113,7 +113,7 @@ impl Writer {
         let path = ledger.path.clone();
         let work = Work { ledger, shared: shared.clone(), failures: 0, failed: None };
         let thread = std::thread::Builder::new().name("ledger".into()).spawn(move || work.run(&waiting));
-        let thread = thread.map_err(|error| Fault::io("starting its thread", error).of(&path))?;
+        let thread = thread.map_err(|error| LedgerFault::io("starting its thread", error).of(&path))?;
         Ok(Self { jobs: Some(jobs), shared, thread: Some(thread), path })
     }
 
@@ -121,7 +121,7 @@ impl Writer {
     ///
     /// # Errors
     /// Too much waits already, a record is too long, or the thread is gone.
-    pub fn submit<R: Serialize + DeserializeOwned>(&self, records: &[R]) -> Result<Ticket, Refused> {
+    pub fn submit<R: Serialize + DeserializeOwned>(&self, records: &[R]) -> Result<PendingWrite, Refused> {
         let bodies = records.iter().map(|record| Body::of(record, false)).collect();
         self.send(bodies)
     }
@@ -130,7 +130,7 @@ impl Writer {
     ///
     /// # Errors
     /// As [`Writer::submit`].
-    pub fn compact<R: Serialize + DeserializeOwned>(&self, snapshot: &R) -> Result<Ticket, Refused> {
+    pub fn compact<R: Serialize + DeserializeOwned>(&self, snapshot: &R) -> Result<PendingWrite, Refused> {
         self.send(Body::of(snapshot, true).map(|body| vec![body]))
     }
 
@@ -139,19 +139,19 @@ impl Writer {
     ///
     /// # Errors
     /// Too much waits already (ask again), or the thread is gone.
-    pub fn resume(&self, failed: &WriteError) -> Result<(), Refused> {
+    pub fn resume(&self, failed: &LedgerWriteError) -> Result<(), Refused> {
         self.push(Job::Resume { failure: failed.failure })
     }
 
     /// What it has done so far.
     #[must_use]
-    pub fn counters(&self) -> Counters {
+    pub fn counters(&self) -> LedgerCounters {
         let shared = lock(&self.shared);
         let age = shared.last_error_at.map(|at| at.elapsed().as_millis() as u64);
-        Counters { last_error_age_ms: age, ..shared.counters.clone() }
+        LedgerCounters { last_error_age_ms: age, ..shared.counters.clone() }
     }
 
-    fn send(&self, bodies: Result<Vec<Body>, Fault>) -> Result<Ticket, Refused> {
+    fn send(&self, bodies: Result<Vec<Body>, LedgerFault>) -> Result<PendingWrite, Refused> {
         let bodies = bodies.map_err(|fault| Refused::Record(fault.of(&self.path)))?;
         let (answer, ticket) = oneshot::channel();
         self.push(Job::Write { bodies, answer })?;
@@ -178,7 +178,7 @@ impl Writer {
     }
 }
 
-impl Drop for Writer {
+impl Drop for LedgerWriter {
     fn drop(&mut self) {
         self.jobs = None;
         if let Some(thread) = self.thread.take() {
@@ -195,7 +195,7 @@ struct Work<R> {
     ledger: Ledger<R>,
     shared: Arc<Mutex<Shared>>,
     failures: u64,
-    failed: Option<WriteError>,
+    failed: Option<LedgerWriteError>,
 }
 
 /// Submissions that share a commit.
@@ -203,12 +203,12 @@ struct Work<R> {
 struct Group {
     bodies: Vec<Body>,
     /// Each with the number of bodies up to its end.
-    answers: Vec<(usize, oneshot::Sender<Result<u64, WriteError>>)>,
+    answers: Vec<(usize, oneshot::Sender<Result<u64, LedgerWriteError>>)>,
     bytes: usize,
 }
 
 impl Group {
-    fn add(&mut self, bodies: Vec<Body>, answer: oneshot::Sender<Result<u64, WriteError>>) {
+    fn add(&mut self, bodies: Vec<Body>, answer: oneshot::Sender<Result<u64, LedgerWriteError>>) {
         self.bytes += bodies.iter().map(|body| body.text.len()).sum::<usize>();
         self.bodies.extend(bodies);
         self.answers.push((self.bodies.len(), answer));
@@ -250,7 +250,7 @@ impl<R> Work<R> {
     fn write(&mut self, group: Group) {
         let first = self.ledger.last_seq;
         if let Some(failed) = &self.failed {
-            let behind = WriteError { behind: true, ..failed.clone() };
+            let behind = LedgerWriteError { behind: true, ..failed.clone() };
             lock(&self.shared).counters.failed += group.answers.len() as u64;
             answer(group, |_| Err(behind.clone()));
             return;
@@ -278,7 +278,7 @@ impl<R> Work<R> {
                 shared.counters.last_error = Some(error.to_string());
                 shared.last_error_at = Some(Instant::now());
                 drop(shared);
-                let failed = WriteError { error, behind: false, failure: self.failures };
+                let failed = LedgerWriteError { error, behind: false, failure: self.failures };
                 self.failed = Some(failed.clone());
                 answer(group, |_| Err(failed.clone()));
             }
@@ -287,7 +287,7 @@ impl<R> Work<R> {
 }
 
 /// Tells everybody of a group; who does not want to know any more has gone.
-fn answer(group: Group, result: impl Fn(usize) -> Result<u64, WriteError>) {
+fn answer(group: Group, result: impl Fn(usize) -> Result<u64, LedgerWriteError>) {
     for (bodies, answer) in group.answers {
         let _ = answer.send(result(bodies));
     }

@@ -1,7 +1,7 @@
 //! What becomes of an edit of the served map. No Zenoh and no clock: the caller brings both; files are behind
 //! [`MapStore`].
 
-use super::history::History;
+use super::history::MapVersions;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use xtb_nav::map::ZoneError;
@@ -41,7 +41,7 @@ pub(super) enum Found {
 /// The served map, who changed it, and where it is kept.
 pub(super) struct Editor {
     map: Arc<Map>,
-    history: History,
+    history: MapVersions,
     store: Option<Box<dyn MapStore>>,
     answers: VecDeque<(Name, Uuid, MapEditReply)>,
 }
@@ -50,7 +50,12 @@ struct Refusal(MapEditCode, String, &'static str);
 
 impl Editor {
     /// Without a store, changes end with this program.
-    pub(super) fn new(now_ms: u64, map: Map, mut history: History, store: Option<Box<dyn MapStore>>) -> Self {
+    pub(super) fn new(
+        now_ms: u64,
+        map: Map,
+        mut history: MapVersions,
+        store: Option<Box<dyn MapStore>>,
+    ) -> Self {
         if let Err(error) = history.found(now_ms, &map) {
             tracing::warn!("the map's history cannot be written: {error}");
         }
@@ -229,7 +234,7 @@ mod tests {
     #[test]
     fn an_edit_becomes_a_version_and_one_of_an_older_map_a_conflict() {
         let [alice, bob] = names();
-        let mut editor = Editor::new(5, floor(20), History::default(), None);
+        let mut editor = Editor::new(5, floor(20), MapVersions::default(), None);
         let (first, second) = (edit(&editor, &[zone(&CORNERS)], &[]), edit(&editor, &[], &[place("dock")]));
         assert_eq!(number(&editor.edit(6, &alice, &first)), 2);
         assert_eq!(editor.map().zones().len(), 1);
@@ -252,7 +257,7 @@ mod tests {
     #[test]
     fn what_no_map_can_have_is_refused_and_what_changes_nothing_is_no_version() {
         let [alice, _] = names();
-        let mut editor = Editor::new(5, floor(20), History::default(), None);
+        let mut editor = Editor::new(5, floor(20), MapVersions::default(), None);
         let bow = zone(&[[1.0, 1.0], [2.0, 2.0], [2.0, 1.0], [1.0, 2.0]]);
         let reply = editor.edit(6, &alice, &edit(&editor, &[bow], &[]));
         assert!(
@@ -268,7 +273,7 @@ mod tests {
     fn what_cannot_be_written_is_not_served_and_the_files_own_changes_come_first() {
         let [alice, _] = names();
         let file = File(Arc::new(Mutex::new((floor(20), true))));
-        let mut editor = Editor::new(5, floor(20), History::default(), Some(Box::new(file.clone())));
+        let mut editor = Editor::new(5, floor(20), MapVersions::default(), Some(Box::new(file.clone())));
         let reply = editor.edit(6, &alice, &edit(&editor, &[], &[place("dock")]));
         assert_eq!(refused(&reply), (MapEditCode::NotStored, "the map's file cannot be written: no space"));
         assert_eq!((editor.map().places().len(), editor.told().versions.len()), (0, 1));

@@ -19,7 +19,7 @@ const FILE: &str = "file";
 
 /// Why a history cannot be gone on with.
 #[derive(Debug, Error)]
-pub enum HistoryError {
+pub enum MapVersionsError {
     /// It cannot be read.
     #[error("cannot read {path}: {source}")]
     Unreadable {
@@ -50,12 +50,12 @@ struct Line {
 
 /// The versions of one map, the newest last.
 #[derive(Debug, Clone, Default)]
-pub struct History {
+pub struct MapVersions {
     path: Option<PathBuf>,
     lines: VecDeque<(MapVersion, String)>,
 }
 
-impl History {
+impl MapVersions {
     /// Of the map in this file: beside it, `lab.yaml` → `lab.yaml.history.jsonl`.
     #[must_use]
     pub fn beside(map: &Path) -> PathBuf {
@@ -68,15 +68,15 @@ impl History {
     ///
     /// # Errors
     /// See [`HistoryError`].
-    pub fn open(path: &Path) -> Result<Self, HistoryError> {
+    pub fn open(path: &Path) -> Result<Self, MapVersionsError> {
         let text = match files::text(path, 2 * MAX_BYTES) {
             Ok(text) => text,
             Err(error) if error.is_missing() => String::new(),
-            Err(source) => return Err(HistoryError::Unreadable { path: path.to_owned(), source }),
+            Err(source) => return Err(MapVersionsError::Unreadable { path: path.to_owned(), source }),
         };
         let read = |(i, line): (usize, &str)| match serde_json::from_str::<Line>(line) {
             Ok(read) => Ok((read.version, line.to_owned())),
-            Err(reason) => Err(HistoryError::Line { path: path.to_owned(), line: i + 1, reason }),
+            Err(reason) => Err(MapVersionsError::Line { path: path.to_owned(), line: i + 1, reason }),
         };
         let lines = text.lines().enumerate().map(read).collect::<Result<_, _>>()?;
         Ok(Self { path: Some(path.to_owned()), lines })
@@ -170,7 +170,7 @@ mod tests {
         floor.with_places((0..places).map(place).collect()).unwrap()
     }
 
-    fn add(history: &mut History, now_ms: u64, why: &str, map: &Map) {
+    fn add(history: &mut MapVersions, now_ms: u64, why: &str, map: &Map) {
         let version = history.next(now_ms, &Name::new("alice").unwrap(), why, map);
         *history = history.with(version, map);
         history.write().unwrap();
@@ -179,13 +179,13 @@ mod tests {
     #[test]
     fn versions_are_read_back_and_the_numbers_go_on() {
         let folder = tempfile::tempdir().unwrap();
-        let path = History::beside(&folder.path().join("lab.yaml"));
+        let path = MapVersions::beside(&folder.path().join("lab.yaml"));
         assert_eq!(path.file_name().unwrap(), "lab.yaml.history.jsonl");
-        let mut history = History::open(&path).unwrap();
+        let mut history = MapVersions::open(&path).unwrap();
         history.found(5, &map(0)).unwrap();
         assert!(!path.exists(), "who only serves leaves no file");
         add(&mut history, 7, "a dock", &map(1));
-        let mut again = History::open(&path).unwrap();
+        let mut again = MapVersions::open(&path).unwrap();
         assert_eq!(again.versions(), history.versions());
         let told = |version: &MapVersion| {
             (version.number, version.at_ms, version.by.to_string(), version.why.clone())
@@ -196,12 +196,12 @@ mod tests {
         assert_eq!(again.versions().len(), 2, "the same is no change");
         again.found(9, &map(2)).unwrap();
         assert_eq!(again.newest().unwrap().why, "changed in the file");
-        assert_eq!(History::open(&path).unwrap().newest(), again.newest());
+        assert_eq!(MapVersions::open(&path).unwrap().newest(), again.newest());
     }
 
     #[test]
     fn the_oldest_versions_go_first() {
-        let mut history = History::default();
+        let mut history = MapVersions::default();
         for i in 0..=MAX_MAP_VERSIONS {
             add(&mut history, 0, &format!("change {i}"), &map(i % 3));
         }
@@ -213,11 +213,11 @@ mod tests {
     fn a_history_that_is_none_is_refused_with_its_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lab.yaml.history.jsonl");
-        let mut history = History::open(&path).unwrap();
+        let mut history = MapVersions::open(&path).unwrap();
         add(&mut history, 7, "a dock", &map(1));
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, text + "what?\n").unwrap();
-        let error = History::open(&path).unwrap_err().to_string();
+        let error = MapVersions::open(&path).unwrap_err().to_string();
         assert!(error.contains("jsonl, line 2:"), "{error}");
     }
 }

@@ -7,7 +7,7 @@ use xtb_protocol::Name;
 
 /// Who comes in with one registry and not with the other.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Change {
+pub struct AdmissionChange {
     /// Not admitted any more, or not in this role, or not with this certificate.
     pub out: BTreeSet<Name>,
     /// Admitted anew.
@@ -16,7 +16,7 @@ pub struct Change {
     pub own: bool,
 }
 
-impl Change {
+impl AdmissionChange {
     /// From the registry that is in force to another.
     #[must_use]
     pub fn between(now: &Registry, then: &Registry) -> Self {
@@ -45,7 +45,7 @@ impl Change {
 }
 
 /// For people: `out: alice; added: xtb-7, xtb-8`.
-impl fmt::Display for Change {
+impl fmt::Display for AdmissionChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let list = |names: &BTreeSet<Name>| names.iter().map(Name::as_str).collect::<Vec<_>>().join(", ");
         let mut parts = Vec::new();
@@ -72,7 +72,7 @@ fn admitted(registry: &Registry) -> BTreeSet<Admitted> {
 mod tests {
     use super::*;
     use std::time::SystemTime;
-    use xtb_identity::{Entry, Router};
+    use xtb_identity::{RegistryEntry, Router};
 
     fn name(text: &str) -> Name {
         Name::new(text).unwrap()
@@ -83,8 +83,14 @@ mod tests {
         let router = Router { names: Vec::new(), port: 7447, generation: 1, expires };
         let mut registry = Registry::new(name("lab"), router);
         for (of, role) in [("alice", Role::Operator), ("xtb-1", Role::Robot)] {
-            let entry =
-                Entry { name: name(of), role, generation: 1, expires, revoked: false, token_sha256: None };
+            let entry = RegistryEntry {
+                name: name(of),
+                role,
+                generation: 1,
+                expires,
+                revoked: false,
+                token_sha256: None,
+            };
             registry.add(entry).unwrap();
         }
         registry
@@ -93,28 +99,28 @@ mod tests {
     #[test]
     fn who_has_to_leave_cannot_wait_and_who_is_added_can() {
         let now = registry();
-        assert!(Change::between(&now, &now).is_empty());
+        assert!(AdmissionChange::between(&now, &now).is_empty());
 
         let mut revoked = now.clone();
         revoked.get_mut(&name("alice")).unwrap().revoked = true;
-        let change = Change::between(&now, &revoked);
+        let change = AdmissionChange::between(&now, &revoked);
         assert!(change.is_urgent());
         assert_eq!(change.to_string(), "certificates not admitted any more: alice");
 
-        let change = Change::between(&revoked, &now);
+        let change = AdmissionChange::between(&revoked, &now);
         assert!(!change.is_urgent() && !change.is_empty());
         assert_eq!(change.to_string(), "added: alice");
 
         let mut renewed = now.clone();
         renewed.get_mut(&name("xtb-1")).unwrap().generation = 2;
-        assert!(Change::between(&now, &renewed).is_urgent());
+        assert!(AdmissionChange::between(&now, &renewed).is_urgent());
 
         let mut signs_in = now.clone();
         signs_in.get_mut(&name("alice")).unwrap().token_sha256 = Some("ab".into());
-        assert!(Change::between(&now, &signs_in).is_empty());
+        assert!(AdmissionChange::between(&now, &signs_in).is_empty());
 
         let mut own = now.clone();
         own.router.generation = 2;
-        assert!(Change::between(&now, &own).is_urgent());
+        assert!(AdmissionChange::between(&now, &own).is_urgent());
     }
 }

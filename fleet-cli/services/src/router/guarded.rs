@@ -2,7 +2,7 @@
 //! opened anew: links break for about a second, which ends teleoperation and goals that stop on a lost link, and
 //! goals that are to be finished go on. Who is added waits until no robot is driven, or until it is asked for.
 
-use super::change::Change;
+use super::change::AdmissionChange;
 use super::check_port;
 use super::files::{Folder, Texts};
 use super::quiet::Listening;
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
-use xtb_bus::{AccessControl, Bus, BusError, LINK_LEASE, Links, Opening, Role, Ros2Domain, Service};
+use xtb_bus::{AccessControl, Bus, BusError, LINK_LEASE, Links, Opening, Ros2Domain, Service, SessionRole};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_identity::Registry;
 use xtb_protocol::Name;
@@ -33,12 +33,12 @@ pub enum News {
     /// It was opened anew, with these rules; it was closed for so long.
     Reopened {
         /// What is different.
-        change: Change,
+        change: AdmissionChange,
         /// How long nobody could be linked.
         closed: Duration,
     },
     /// Some are added, and wait until no robot is driven.
-    Waiting(Change),
+    Waiting(AdmissionChange),
     /// The registry cannot be read; the rules before are in force.
     Unreadable(String),
 }
@@ -143,7 +143,7 @@ pub fn zenohd_config(
 ) -> Result<serde_json::Value> {
     let folder = Folder::new(pki);
     let (_, registry) = read(&folder)?;
-    let role = Role::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
+    let role = SessionRole::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
     let opening = Opening::of(role).tls(Some(folder.tls())).access(Some(rules(&registry, ros2)));
     Ok(opening.to_json()?)
 }
@@ -196,7 +196,7 @@ struct Running {
 
 impl Own {
     fn opening(&self, registry: &Registry) -> Opening {
-        let role = Role::Router { listen: vec![self.listen.clone()], connect: self.connect.clone() };
+        let role = SessionRole::Router { listen: vec![self.listen.clone()], connect: self.connect.clone() };
         Opening::of(role)
             .link_lease(self.link_lease)
             .tls(Some(self.folder.tls()))
@@ -267,7 +267,7 @@ impl Following {
 
     async fn take(&mut self, registry: Registry, asked: bool, bus: &Bus) -> Option<Registry> {
         self.own.known.read(registry.clone());
-        let change = Change::between(&self.in_force, &registry);
+        let change = AdmissionChange::between(&self.in_force, &registry);
         self.waits = None;
         if change.is_empty() {
             self.own.known.in_force(registry.clone());
@@ -293,7 +293,7 @@ impl Following {
 
     /// Closes it and opens it again, with these rules; tries until it is open.
     async fn reopen(&mut self, running: Running, registry: Registry) -> Running {
-        let change = Change::between(&self.in_force, &registry);
+        let change = AdmissionChange::between(&self.in_force, &registry);
         tracing::info!("{change}: opening the router anew");
         let closed = Instant::now();
         let Running { bus, .. } = running;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use xtb_bus::{Bus, BusError, Service};
-use xtb_identity::{Entry, Registry};
+use xtb_identity::{Registry, RegistryEntry};
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::FleetKeys;
@@ -41,7 +41,7 @@ impl Known {
         let Registries { read, in_force } = &*self.lock();
         let entry = read.get(name);
         let admitted = entry.filter(|entry| !entry.revoked);
-        let has = |entry: &Entry| {
+        let has = |entry: &RegistryEntry| {
             let mut those = in_force.admitted();
             those.any(|it| it.common_name() == entry.common_name() && it.role == entry.role)
         };

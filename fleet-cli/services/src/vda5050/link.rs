@@ -1,6 +1,6 @@
 //! A robot's connection to the broker: made again and again, with longer and longer pauses.
 
-use super::{Counters, count};
+use super::{BridgeCounters, count};
 use rumqttc::{AsyncClient, Event, EventLoop, MqttOptions, Packet, QoS};
 use std::sync::Arc;
 use std::time::Duration;
@@ -38,7 +38,7 @@ impl Drop for Link {
 }
 
 impl Link {
-    pub(super) fn open(options: MqttOptions, counters: Arc<Counters>) -> Self {
+    pub(super) fn open(options: MqttOptions, counters: Arc<BridgeCounters>) -> Self {
         let (client, mut events) = AsyncClient::new(options, QUEUE);
         events.network_options.set_connection_timeout(CONNECTS_WITHIN_S);
         let (sender, news) = mpsc::channel(QUEUE);
@@ -64,7 +64,7 @@ impl Link {
     }
 }
 
-async fn poll(mut events: EventLoop, sender: mpsc::Sender<News>, counters: Arc<Counters>) {
+async fn poll(mut events: EventLoop, sender: mpsc::Sender<News>, counters: Arc<BridgeCounters>) {
     let (mut pause, mut said) = (FIRST_PAUSE, String::new());
     let client = events.mqtt_options.client_id();
     loop {

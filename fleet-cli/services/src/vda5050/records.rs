@@ -11,7 +11,7 @@ use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_recording::files;
 use xtb_vda5050::incoming::MAX_BYTES;
-use xtb_vda5050::record::Record;
+use xtb_vda5050::record::OrderRecord;
 
 /// Longest file that is read, in bytes: two orders and what belongs to them.
 const MOST_BYTES: usize = 8 * MAX_BYTES;
@@ -53,15 +53,15 @@ impl Records {
     ///
     /// # Errors
     /// A file that cannot be read, or is none of ours: nothing is guessed.
-    pub(super) fn read(&self, robot: &Name) -> Result<Record> {
+    pub(super) fn read(&self, robot: &Name) -> Result<OrderRecord> {
         let path = self.path(robot);
         let cannot = |what: String| {
             failed(format!("{}: {what}", path.display()))
                 .hint("look into it; without the file the robot begins without an order")
         };
         match files::text(&path, MOST_BYTES) {
-            Ok(text) => Record::from_json(&text).map_err(cannot),
-            Err(error) if error.is_missing() => Ok(Record::default()),
+            Ok(text) => OrderRecord::from_json(&text).map_err(cannot),
+            Err(error) if error.is_missing() => Ok(OrderRecord::default()),
             Err(error) => Err(cannot(error.to_string())),
         }
     }
@@ -89,8 +89,8 @@ mod tests {
     fn what_is_kept_is_read_again_and_what_is_none_of_ours_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let records = Records::open(&folder.path().join("a/b")).unwrap();
-        assert_eq!(records.read(&robot()).unwrap(), Record::default());
-        let record = Record { paused: true, ..Record::default() };
+        assert_eq!(records.read(&robot()).unwrap(), OrderRecord::default());
+        let record = OrderRecord { paused: true, ..OrderRecord::default() };
         records.write(&robot(), &record.to_json()).unwrap();
         assert_eq!(records.read(&robot()).unwrap(), record);
         records.write(&robot(), "{").unwrap();

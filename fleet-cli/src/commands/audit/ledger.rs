@@ -5,8 +5,8 @@ use crate::text::task as task_text;
 use std::collections::BTreeMap;
 use std::path::Path;
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_dispatch::task_store::record::{Entry, Record};
-use xtb_dispatch::transition::{Change, Ending};
+use xtb_dispatch::task_store::record::{LedgerEntry, Record};
+use xtb_dispatch::transition::{TaskEnding, TaskUpdate};
 use xtb_protocol::messages::TaskId;
 use xtb_services::ledger;
 
@@ -28,7 +28,7 @@ pub(super) fn commands(path: &Path, note: impl Fn(String)) -> Result<Vec<Command
         if row.snapshot {
             note(format!("{} begins with a snapshot: commands before it are not kept", path.display()));
         }
-        match Entry::from_json(&row.body) {
+        match LedgerEntry::from_json(&row.body) {
             Ok(entry) => audit.take(&entry),
             Err(error) => note(format!("{}: record {}: {error}", path.display(), row.seq)),
         }
@@ -44,7 +44,7 @@ struct Audit {
 }
 
 impl Audit {
-    fn take(&mut self, entry: &Entry) {
+    fn take(&mut self, entry: &LedgerEntry) {
         let at_ms = entry.at_ms;
         let mut push = |by: Option<&str>, text: String| {
             let by = by.map(str::to_owned);
@@ -105,12 +105,14 @@ fn asked(why: &str) -> Option<(&'static str, &str)> {
     ASKED.iter().zip(verbs).find_map(|(start, verb)| Some((verb, why.strip_prefix(start)?)))
 }
 
-fn ended(change: &Change) -> Option<&'static str> {
-    let (Change::Ended { ending } | Change::Cancelling { then: ending }) = change else { return None };
+fn ended(change: &TaskUpdate) -> Option<&'static str> {
+    let (TaskUpdate::Ended { ending } | TaskUpdate::Cancelling { then: ending }) = change else {
+        return None;
+    };
     Some(match ending {
-        Ending::Cancelled => "cancelled",
-        Ending::Failed => "failed",
-        Ending::Done => "done",
+        TaskEnding::Cancelled => "cancelled",
+        TaskEnding::Failed => "failed",
+        TaskEnding::Done => "done",
     })
 }
 
@@ -126,7 +128,7 @@ mod tests {
         let task = TaskId::new(1);
         let spec = Box::new(TaskSpec::new(TaskKind::Wander { for_s: 60.0 }));
         let by = |text: &str| name(text);
-        let change = Change::Ended { ending: Ending::Cancelled };
+        let change = TaskUpdate::Ended { ending: TaskEnding::Cancelled };
         let records = [
             Record::Submitted { task, by: by("alice-1"), key: Uuid::nil(), spec },
             Record::Assigned { task, robot: name("xtb-1"), seq: 1 },
@@ -137,7 +139,7 @@ mod tests {
         ];
         let mut audit = Audit::default();
         for (at_ms, record) in (1000..).zip(records) {
-            audit.take(&Entry { v: 2, n: at_ms, at_ms, record });
+            audit.take(&LedgerEntry { v: 2, n: at_ms, at_ms, record });
         }
         let told: Vec<_> = audit
             .commands

@@ -15,7 +15,7 @@ use xtb_protocol::messages::{Event, EventKind, GoalKind, GoalState, Latch, Param
 use xtb_protocol::{Name, Uuid};
 use xtb_recording::Error;
 use xtb_recording::fleet::reader;
-use xtb_recording::robot::events::{self, Told};
+use xtb_recording::robot::events::{self, RecordedEvents};
 
 /// Goals, and calls of an emergency stop, that are told apart in one recording.
 const MOST: usize = 1 << 20;
@@ -55,7 +55,7 @@ struct Audit {
 
 impl Audit {
     /// A robot's own recording. Its clock counts from boot; what the wall clock said stands at its beginning.
-    fn told(&mut self, told: &Told) {
+    fn told(&mut self, told: &RecordedEvents) {
         let started = humantime::parse_rfc3339_weak(&told.header.started).unwrap_or(UNIX_EPOCH);
         let started_ms = started.duration_since(UNIX_EPOCH).unwrap_or_default().as_millis() as u64;
         let at_ms = |at_ns: u64| started_ms.saturating_add(at_ns.saturating_sub(told.began_ns) / 1_000_000);

@@ -8,7 +8,7 @@ use clap::Args;
 use schemars::JsonSchema;
 use serde::Serialize;
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_dispatch::{Entry, Record, TaskStore};
+use xtb_dispatch::{LedgerEntry, Record, TaskStore};
 use xtb_services::dispatch::store::{self, Store};
 
 /// Arguments of `dispatch compact`.
@@ -46,7 +46,7 @@ pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
     store.no_copy()?;
     let Store { mut ledger, entries, .. } = store;
     let (records, n) = (entries.len(), ledger.last_seq() + 1);
-    let keep = xtb_dispatch::Settings::default().keep_ended;
+    let keep = xtb_dispatch::DispatcherSettings::default().keep_ended;
     let book = TaskStore::replay(keep, entries).map_err(|error| store::unreadable(&path, &error))?;
     let compacted = Compacted {
         ledger: path.display().to_string(),
@@ -56,7 +56,7 @@ pub(super) fn run(ctx: &Context, args: &DispatchCompactArgs) -> Result<Exit> {
     };
     let record = Record::Snapshot(Box::new(book));
     let v = record.version();
-    ledger.compact(&Entry { v, n, at_ms: store::wall_ms(), record })?;
+    ledger.compact(&LedgerEntry { v, n, at_ms: store::wall_ms(), record })?;
     ctx.out.result(&compacted, |Compacted { ledger, records, tasks, open }| {
         format!("{ledger}: {records} records compacted to one, with {tasks} tasks, {open} of them open")
     })?;

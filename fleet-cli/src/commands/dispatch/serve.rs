@@ -19,9 +19,9 @@ use xtb_client::client::Client;
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_protocol::Name;
 use xtb_protocol::messages::Suspension;
-use xtb_services::dispatch::standby::{self, Change};
+use xtb_services::dispatch::standby::{self, StandbyChange};
 use xtb_services::dispatch::store::{self, Store};
-use xtb_services::dispatch::{Counters, DispatchService, Floor};
+use xtb_services::dispatch::{DispatchService, DispatcherCounters, Floor};
 use xtb_services::map_server::MapService;
 
 const SERVE_HELP: &str = "\
@@ -96,7 +96,7 @@ struct StandbyNews {
 #[derive(Debug, Serialize, JsonSchema)]
 struct Ended {
     open: u64,
-    counters: Counters,
+    counters: DispatcherCounters,
 }
 
 /// What it prints with `--json`.
@@ -182,7 +182,7 @@ pub(super) async fn run(ctx: &Context, args: &DispatchServeArgs) -> Result<Exit>
     client.close().await;
     let ended = Ended { open: standing.status.open, counters: standing.counters };
     ctx.out.result(&ended, |Ended { open, counters }| {
-        let Counters { questions, asked, ledger, .. } = counters;
+        let DispatcherCounters { questions, asked, ledger, .. } = counters;
         format!(
             "ended: {questions} client requests, {asked} robot requests, {} records in {} writes; {open} \
              tasks are open",
@@ -202,7 +202,7 @@ async fn to_be_served(
 ) -> Result<Option<Store>> {
     if args.standby {
         ready_to_stand_by(ctx, store.ledger.path())?;
-        let say = |change: &Change| say(ctx, change);
+        let say = |change: &StandbyChange| say(ctx, change);
         return standby::stand_by(client, store, stop, say).await;
     }
     if args.promote {
@@ -217,7 +217,7 @@ async fn to_be_served(
 }
 
 /// What changes for a stand-by: a line of JSON for programs, a note for people.
-fn say(ctx: &Context, change: &Change) {
+fn say(ctx: &Context, change: &StandbyChange) {
     let (standby, text) = (change.name(), change.text());
     if !ctx.out.json {
         return ctx.out.note(&text);

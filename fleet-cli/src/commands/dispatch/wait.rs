@@ -3,7 +3,7 @@
 use crate::commands::dispatcher;
 use crate::context::Context;
 use crate::exit::Exit;
-use crate::output::Progress;
+use crate::output::ProgressLine;
 use crate::text::task as task_text;
 use std::collections::BTreeSet;
 use std::pin::Pin;
@@ -29,7 +29,7 @@ pub(super) async fn run(
     cancels: bool,
     mut stop: Pin<&mut impl Future<Output = ()>>,
 ) -> Result<Exit> {
-    let mut progress = Progress::new();
+    let mut progress = ProgressLine::new();
     progress.show(&format!("{} submitted", names(ids)));
     let followed = tokio::select! {
         followed = follow(ctx, client, ids, &mut progress) => followed,
@@ -42,7 +42,7 @@ pub(super) async fn run(
     followed
 }
 
-async fn follow(ctx: &Context, client: &Client, ids: &[TaskId], progress: &mut Progress) -> Result<Exit> {
+async fn follow(ctx: &Context, client: &Client, ids: &[TaskId], progress: &mut ProgressLine) -> Result<Exit> {
     let dispatching = dispatcher(client);
     let news = TaskChanges::open(client).await?;
     let mut open: BTreeSet<TaskId> = ids.iter().copied().collect();

@@ -3,7 +3,7 @@
 use super::{Stop, Task, one};
 use crate::context::Context;
 use crate::exit::Exit;
-use crate::output::Progress;
+use crate::output::ProgressLine;
 use futures_util::future::join_all;
 use xtb_client::Client;
 
@@ -14,7 +14,7 @@ pub(super) async fn each(ctx: &Context, client: &Client, tasks: &[Task], stop: &
         ctx.out.note(&format!("waiting for {} robots; Ctrl-C cancels their goals", tasks.len()));
     }
     let each = tasks.iter().map(|task| async move {
-        one(ctx, client, task, stop.clone(), Progress::silent()).await.unwrap_or_else(|error| {
+        one(ctx, client, task, stop.clone(), ProgressLine::silent()).await.unwrap_or_else(|error| {
             ctx.out.failure_of(&task.robot, &error);
             Exit::from(error.kind)
         })

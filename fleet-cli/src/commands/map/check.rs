@@ -9,14 +9,14 @@ use crate::map_file::{self, Doubt};
 use crate::output::{Output, Tone};
 use crate::vehicle_file;
 use clap::Args;
-use robot_agent::config::Layers;
+use robot_agent::config::SettingLayers;
 use robot_agent::files;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_control::VehicleConfig;
-use xtb_nav::map::check::{Report, ZoneFinding, check};
+use xtb_nav::map::check::{MapReport, ZoneFinding, check};
 use xtb_nav::{Car, Map};
 use xtb_protocol::messages::MapHash;
 
@@ -124,7 +124,7 @@ fn vehicle(path: &Path) -> Result<VehicleConfig> {
             .hint("`robot-agent --print-config` prints a config with all settings")
     };
     let text = files::text(path, files::MAX_TEXT).map_err(|error| invalid(&error))?;
-    let mut layers = Layers::default();
+    let mut layers = SettingLayers::default();
     layers.file(&place, &text).map_err(|error| invalid(&error))?;
     Ok(layers.finish().map_err(|error| invalid(&error))?.vehicle)
 }
@@ -156,7 +156,7 @@ fn found<'a>(map: &'a Map, doubt: Option<Doubt>, car: &Car) -> Found<'a> {
     }
 }
 
-fn findings(report: &Report, car: &Car) -> Vec<Finding> {
+fn findings(report: &MapReport, car: &Car) -> Vec<Finding> {
     let at = |[x_m, y_m]: [f64; 2]| format!("({x_m:.2}, {y_m:.2})");
     let width_m = 2.0 * car.half_width_m;
     let mut all = Vec::new();

@@ -9,7 +9,7 @@ use std::time::{Duration, UNIX_EPOCH};
 use xtb_client::client::Client;
 use xtb_client::{Error, ErrorKind, Result, map_edit};
 use xtb_protocol::messages::{MapHistory, MapVersion};
-use xtb_services::map_server::History;
+use xtb_services::map_server::MapVersions;
 
 /// The last moment that can be written, in ms since 1970: the end of the year 9999.
 const LAST_MS: u64 = 253_402_300_799_000;
@@ -32,7 +32,7 @@ pub(super) const JSON: &[LineKind] = &[line_of::<MapHistory>];
 pub(super) async fn run(ctx: &Context, args: &MapHistoryArgs) -> Result<Exit> {
     let history = match &args.file {
         Some(file) => {
-            let read = History::open(&History::beside(file))
+            let read = MapVersions::open(&MapVersions::beside(file))
                 .map_err(|error| Error::new(ErrorKind::Config, error.to_string()))?;
             MapHistory { name: file.display().to_string(), stored: true, versions: read.versions() }
         }

@@ -228,7 +228,7 @@ mod tests {
 
     #[test]
     fn the_picture_fits_the_terminal() {
-        let map = xtb_sim::World::default().chart(0.05).unwrap();
+        let map = xtb_sim::World::default().to_map(0.05).unwrap();
         for size in [(80, 24), (120, 40), (40, 60), (30, 12)] {
             let text = text(&map, size, &PLAIN);
             let widest = text.lines().map(|line| line.chars().count()).max().unwrap();

@@ -26,7 +26,7 @@ Example: fleet-cli pki export --browser alice --out alice.p12";
 /// Arguments of `pki export`.
 #[derive(Debug, Clone, Args)]
 #[command(after_help = EXPORT_HELP)]
-pub struct ExportArgs {
+pub struct PkiExportArgs {
     /// Whose browser.
     #[arg(long, value_name = "NAME", value_parser = Name::new)]
     pub browser: Name,
@@ -55,7 +55,7 @@ pub(super) const JSON: &[LineKind] = &[line_of::<Exported<'_>>];
 ///
 /// # Errors
 /// Nobody has this name, it is no person's, or it is revoked; a file that is there.
-pub(super) fn run(ctx: &Context, folder: &Path, args: &ExportArgs) -> Result<Exit> {
+pub(super) fn run(ctx: &Context, folder: &Path, args: &PkiExportArgs) -> Result<Exit> {
     Delivery::is_free(&args.out, args.force)?;
     let given = std::env::var(PASSWORD).ok().filter(|password| !password.is_empty());
     let (password, made) = match given {

@@ -6,7 +6,7 @@ use crate::exit::Exit;
 use crate::json::{LineKind, line_of};
 use crate::output::Tone;
 use crate::pki::Pki;
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::Path;
@@ -79,11 +79,11 @@ pub(super) fn run(ctx: &Context, folder: &Path) -> Result<Exit> {
         for row in std::iter::once(&listed.router).chain(&listed.identities) {
             let (state, tone) = state(row, now);
             table.row(vec![
-                Cell::new(row.name.as_str(), Tone::Strong),
+                TableCell::new(row.name.as_str(), Tone::Strong),
                 row.role.to_string().into(),
                 row.generation.to_string().into(),
                 day(row.ends).into(),
-                Cell::new(state, tone),
+                TableCell::new(state, tone),
                 row.last_seen.clone().unwrap_or_else(|| "–".into()).into(),
             ]);
         }

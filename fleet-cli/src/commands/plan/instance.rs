@@ -28,8 +28,8 @@ use xtb_control::VehicleConfig;
 use xtb_nav::map::raster;
 use xtb_nav::planner::space::OneWay;
 use xtb_nav::{Car, Cell, Gears, Grid, Map, MapPose};
-use xtb_sim::{CHART_RESOLUTION_M, World};
-use xtb_traffic::solver::{Bounds, Obstacle, Problem, ProblemError, Task, Tolerance, obstacles_of};
+use xtb_sim::{MAP_RESOLUTION_M, World};
+use xtb_traffic::solver::{CarTask, FloorBounds, Obstacle, Problem, ProblemError, Tolerance, obstacles_of};
 
 /// The public instances' car, see their checker's header.
 const PUBLIC_CAR: Car =
@@ -134,7 +134,7 @@ impl Instance {
         }
         let beside = path.parent().unwrap_or(Path::new(""));
         let world = read_world(out, &beside.join(&ours.world))?;
-        let chart = world.chart(CHART_RESOLUTION_M).map_err(|error| invalid(error.to_string()))?;
+        let chart = world.to_map(MAP_RESOLUTION_M).map_err(|error| invalid(error.to_string()))?;
         let truck = |agent: &Agent| match &agent.vehicle {
             Some(file) => vehicle_file::read(&beside.join(file)).map(|file| Car::of(&file.vehicle)),
             None => Ok(Car::of(&VehicleConfig::default())),
@@ -147,14 +147,14 @@ impl Instance {
         let [width, depth] = file.map.dimensions;
         let disc = |[x, y]: [f64; 2]| Obstacle::Disc { x_m: x, y_m: depth - y, radius_m: PUBLIC_DISC };
         let pose = |[x, y, yaw_rad]: [f64; 3]| MapPose { x_m: x, y_m: depth - y, yaw_rad };
-        let task = |agent: Agent| Task {
+        let task = |agent: Agent| CarTask {
             name: agent.name,
             car: PUBLIC_CAR,
             start: pose(agent.start),
             goal: pose(agent.goal),
         };
         let problem = Problem {
-            bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: width, north_m: depth },
+            bounds: FloorBounds { west_m: 0.0, south_m: 0.0, east_m: width, north_m: depth },
             obstacles: file.map.obstacles.unwrap_or_default().into_iter().map(disc).collect(),
             one_way: None,
             cars: file.agents.into_iter().map(task).collect(),
@@ -169,13 +169,13 @@ impl Instance {
     fn ours(file: &Ours, trucks: &[Car], world: &World, chart: &Map) -> Self {
         let pose = |[x_m, y_m, yaw_rad]: [f64; 3]| MapPose { x_m, y_m, yaw_rad };
         let look_out_m = file.look_out_m;
-        let task = |(agent, truck): (&Agent, &Car)| Task {
+        let task = |(agent, truck): (&Agent, &Car)| CarTask {
             name: agent.name.clone(),
             car: Car { front_m: truck.front_m + look_out_m, rear_m: truck.rear_m + look_out_m, ..*truck },
             start: pose(agent.start),
             goal: pose(agent.goal),
         };
-        let cars: Vec<Task> = file.agents.iter().zip(trucks).map(task).collect();
+        let cars: Vec<CarTask> = file.agents.iter().zip(trucks).map(task).collect();
         let mut obstacles = solids(world);
         let bounds = bounds(world, &obstacles, &cars);
         obstacles.extend(keep_outs(chart));
@@ -260,10 +260,10 @@ fn keep_outs(chart: &Map) -> Vec<Obstacle> {
 }
 
 /// The room; without one everything there is, and some floor around it.
-fn bounds(world: &World, obstacles: &[Obstacle], cars: &[Task]) -> Bounds {
+fn bounds(world: &World, obstacles: &[Obstacle], cars: &[CarTask]) -> FloorBounds {
     if let Some(room) = world.room() {
         let (wide, deep) = (room.width_m / 2.0, room.depth_m / 2.0);
-        return Bounds {
+        return FloorBounds {
             west_m: room.x_m - wide,
             south_m: room.y_m - deep,
             east_m: room.x_m + wide,
@@ -273,10 +273,10 @@ fn bounds(world: &World, obstacles: &[Obstacle], cars: &[Task]) -> Bounds {
     let places =
         cars.iter().flat_map(|task| [&task.start, &task.goal]).map(|pose| ([pose.x_m, pose.y_m], 0.0));
     let things = obstacles.iter().map(|obstacle| (obstacle.middle_m(), obstacle.reach_m()));
-    let none = Bounds { west_m: f64::MAX, south_m: f64::MAX, east_m: f64::MIN, north_m: f64::MIN };
+    let none = FloorBounds { west_m: f64::MAX, south_m: f64::MAX, east_m: f64::MIN, north_m: f64::MIN };
     places.chain(things).fold(none, |bounds, ([x, y], reach)| {
         let around = reach + OPEN_MARGIN_M;
-        Bounds {
+        FloorBounds {
             west_m: bounds.west_m.min(x - around),
             south_m: bounds.south_m.min(y - around),
             east_m: bounds.east_m.max(x + around),

@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use xtb_traffic::solver::{Problem, Schedule, Settings, Solver, Unsolved};
+use xtb_traffic::solver::{Problem, Schedule, Solver, SolverSettings, Unsolved};
 
 /// How often somebody looks whether it has ended.
 pub(super) const LOOK_EVERY: Duration = Duration::from_millis(10);
@@ -73,7 +73,7 @@ fn run(problem: &Problem, seed: u64, deadline: Instant, stop: &AtomicBool) -> Ou
     let since = || ended.lock().unwrap_or_else(PoisonError::into_inner).map(|at| at.elapsed());
     let solve = |seed: u64, priorities_first: bool| -> Outcome {
         let mut go_on = || on_time() && since().is_none_or(|since| since < GRACE);
-        let settings = Settings { seed, priorities_first, ..Settings::default() };
+        let settings = SolverSettings { seed, priorities_first, ..SolverSettings::default() };
         let mut solution = solver.begin(&settings, &mut go_on)?;
         let schedule = solution.schedule();
         let (makespan, flowtime) = (schedule.makespan(), schedule.flowtime());

@@ -3,7 +3,7 @@
 use crate::config;
 use crate::context::Context;
 use crate::output::{Output, Tone};
-use crate::table::{Cell, Table};
+use crate::table::{Table, TableCell};
 use std::time::Duration;
 use xtb_client::Result;
 use xtb_client::client::Client;
@@ -102,9 +102,9 @@ pub(crate) fn table(out: &Output, usage: &Usage) -> String {
         let used = if whole_s > 0.0 { 100.0 * spent.busy_s / whole_s } else { 0.0 };
         let failed = if spent.failed > 0 { Tone::Bad } else { Tone::Plain };
         table.row(vec![
-            Cell::new(robot.as_str(), Tone::Strong),
+            TableCell::new(robot.as_str(), Tone::Strong),
             spent.done.to_string().into(),
-            Cell::new(spent.failed.to_string(), failed),
+            TableCell::new(spent.failed.to_string(), failed),
             format!("{:.1} m", spent.distance_m).into(),
             format!("{:.0} s", spent.busy_s).into(),
             format!("{:.0} s", spent.waiting_s).into(),

@@ -25,7 +25,7 @@ pub(super) fn tell(ctx: &Context, seed: u64) -> Result<Exit> {
             printed = ctx.out.text(text);
         }
     };
-    let day = xtb_chaos::tell(seed, xtb_chaos::Options::default(), line)
+    let day = xtb_chaos::tell(seed, xtb_chaos::ScenarioOptions::default(), line)
         .map_err(|error| Error::new(ErrorKind::Failed, error.to_string()))?;
     printed?;
     let broken =

@@ -9,7 +9,7 @@
 //! Another pad whose button is held hands nothing over. A button that is held at first, or still held after the hand was taken off (space, a lost focus, a reset), is spent:
 //! it has to be released and pressed anew.
 
-use xtb_client::teleop::Drive;
+use xtb_client::teleop::StickPosition;
 use xtb_control::Stamp;
 
 /// Sticks do not return to just 0; of full deflection.
@@ -41,7 +41,7 @@ enum State {
     Spent,
     Up,
     /// On the pad of this id.
-    Held(usize, Drive),
+    Held(usize, StickPosition),
 }
 
 /// The hand on the gamepad.
@@ -78,7 +78,7 @@ impl Deadman {
     }
 
     /// What is asked for; `None` = nobody holds the deadman button.
-    pub(super) fn drive(&self) -> Option<Drive> {
+    pub(super) fn drive(&self) -> Option<StickPosition> {
         match self.state {
             State::Held(_, drive) => Some(drive),
             State::Spent | State::Up => None,
@@ -87,14 +87,14 @@ impl Deadman {
 }
 
 /// The dead zone is round, and what lies beyond it begins at 0. `None` = the stick says no number.
-fn drive(Pad { x, y, .. }: Pad) -> Option<Drive> {
+fn drive(Pad { x, y, .. }: Pad) -> Option<StickPosition> {
     if !(x.is_finite() && y.is_finite()) {
         return None;
     }
     let length = x.hypot(y);
     let share =
         if length <= DEAD_ZONE { 0.0 } else { ((length - DEAD_ZONE) / (1.0 - DEAD_ZONE)).min(1.0) / length };
-    Some(Drive { throttle: y * share, steering: x * share })
+    Some(StickPosition { throttle: y * share, steering: x * share })
 }
 
 #[cfg(test)]

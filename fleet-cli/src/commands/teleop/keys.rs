@@ -12,7 +12,7 @@
 //! While it stands nothing is sent, so that watching is not commanding.
 
 use super::deadman::{Deadman, Pad};
-use xtb_client::teleop::Drive;
+use xtb_client::teleop::StickPosition;
 use xtb_control::Stamp;
 
 /// How long a press acts where releases are not reported.
@@ -138,22 +138,22 @@ impl Keyboard {
     }
 
     /// What is asked for at `now`.
-    pub(crate) fn drive(&self, now: Stamp) -> Drive {
+    pub(crate) fn drive(&self, now: Stamp) -> StickPosition {
         if let Some(drive) = self.pad.drive() {
             return drive;
         }
         let [ahead, astern, left, right] = self.held.map(|held| f64::from(u8::from(held)));
         match self.reporting {
-            Reporting::Releases => Drive { throttle: ahead - astern, steering: right - left },
+            Reporting::Releases => StickPosition { throttle: ahead - astern, steering: right - left },
             Reporting::Presses => {
                 let throttle = self.pulse.filter(|(_, until)| now < *until).map_or(0.0, |(way, _)| way);
-                Drive { throttle, steering: self.steps }
+                StickPosition { throttle, steering: self.steps }
             }
         }
     }
 
     /// What to send at `now`; `None` = nothing, the truck's silence is its own.
-    pub(crate) fn send(&mut self, now: Stamp) -> Option<Drive> {
+    pub(crate) fn send(&mut self, now: Stamp) -> Option<StickPosition> {
         if now.since_ms(self.heard) >= SILENT_MS {
             self.let_go_of_keys();
         }
@@ -168,7 +168,7 @@ impl Keyboard {
             self.ending = Some(now.plus_ms(ENDING_MS));
         }
         self.ending = self.ending.filter(|until| now < *until);
-        self.ending.map(|_| Drive { throttle: 0.0, ..drive })
+        self.ending.map(|_| StickPosition { throttle: 0.0, ..drive })
     }
 }
 
@@ -186,8 +186,8 @@ fn place(key: Key) -> usize {
 mod tests {
     use super::*;
 
-    const AHEAD: Drive = Drive { throttle: 1.0, steering: 0.0 };
-    const ZERO: Drive = Drive { throttle: 0.0, steering: 0.0 };
+    const AHEAD: StickPosition = StickPosition { throttle: 1.0, steering: 0.0 };
+    const ZERO: StickPosition = StickPosition { throttle: 0.0, steering: 0.0 };
 
     fn at(ms: u64) -> Stamp {
         Stamp::from_ms(ms)
@@ -223,7 +223,7 @@ mod tests {
         let mut keys = Keyboard::new(Reporting::Releases);
         keys.key(at(0), Key::Astern, Action::Press);
         keys.key(at(0), Key::Left, Action::Press);
-        assert_eq!(keys.send(at(1)), Some(Drive { throttle: -1.0, steering: -1.0 }));
+        assert_eq!(keys.send(at(1)), Some(StickPosition { throttle: -1.0, steering: -1.0 }));
         keys.key(at(2), Key::Ahead, Action::Press);
         keys.key(at(2), Key::Left, Action::Release);
         assert_eq!(keys.send(at(2)), Some(ZERO));
@@ -268,7 +268,7 @@ mod tests {
         assert_eq!(keys.send(at(0)), None);
         assert_eq!(keys.drive(at(9000)).steering, 0.75);
         keys.key(at(9000), Key::Astern, Action::Press);
-        assert_eq!(keys.send(at(9000)), Some(Drive { throttle: -1.0, steering: 0.75 }));
+        assert_eq!(keys.send(at(9000)), Some(StickPosition { throttle: -1.0, steering: 0.75 }));
         keys.key(at(9001), Key::Stop, Action::Press);
         assert_eq!(keys.send(at(9001)), Some(ZERO));
     }

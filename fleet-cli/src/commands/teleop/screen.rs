@@ -2,8 +2,8 @@
 
 use super::keys::Reporting;
 use crate::output::{Output, Tone};
-use xtb_client::client::Seen;
-use xtb_client::teleop::Drive;
+use xtb_client::client::LastState;
+use xtb_client::teleop::StickPosition;
 use xtb_client::text::reasons;
 use xtb_client::text::robot::{self as describe, UNKNOWN, fixed};
 use xtb_protocol::Name;
@@ -14,9 +14,9 @@ pub(super) struct View<'a> {
     /// Whom we drive.
     pub(super) robot: &'a Name,
     /// Its last state.
-    pub(super) seen: Option<&'a Seen>,
+    pub(super) seen: Option<&'a LastState>,
     /// What is asked for.
-    pub(super) drive: Drive,
+    pub(super) drive: StickPosition,
     /// Full throttle, in rpm.
     pub(super) max_rpm: f64,
     /// What the terminal can do.
@@ -37,7 +37,7 @@ pub(super) fn lines(view: &View<'_>, out: &Output) -> Vec<String> {
     fact("command", asking, if asked == 0.0 { Tone::Plain } else { Tone::Good });
     let (age, tone) = age(view.seen);
     fact("state", age, tone);
-    for (label, text, tone) in facts(view.seen.and_then(Seen::fresh)) {
+    for (label, text, tone) in facts(view.seen.and_then(LastState::fresh)) {
         fact(label, text, tone);
     }
     lines.push(String::new());
@@ -48,7 +48,7 @@ pub(super) fn lines(view: &View<'_>, out: &Output) -> Vec<String> {
     lines
 }
 
-fn age(seen: Option<&Seen>) -> (String, Tone) {
+fn age(seen: Option<&LastState>) -> (String, Tone) {
     match seen {
         Some(seen) if seen.fresh().is_some() => (format!("{} old", describe::age(seen.age())), Tone::Plain),
         Some(seen) => (format!("STALE, {} old", describe::age(seen.age())), Tone::Bad),
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn what_is_not_known_is_not_shown_as_known() {
         let robot = Name::new("xtb-1").unwrap();
-        let drive = Drive { throttle: 1.0, steering: -0.5 };
+        let drive = StickPosition { throttle: 1.0, steering: -0.5 };
         let view = View {
             robot: &robot,
             seen: None,
@@ -146,8 +146,8 @@ mod tests {
     fn a_latch_that_refuses_setpoints_is_named() {
         let latches = vec![fake::latch(Latch::Estop, "cli-123456", false)];
         let state = RobotState { latches, ..fake::state("xtb-1") };
-        let seen = Seen { state, at: std::time::Instant::now() };
-        let drive = Drive { throttle: 1.0, steering: 0.0 };
+        let seen = LastState { state, at: std::time::Instant::now() };
+        let drive = StickPosition { throttle: 1.0, steering: 0.0 };
         let (robot, reporting) = (fake::name("xtb-1"), Reporting::Releases);
         let view = View {
             robot: &robot,

@@ -10,7 +10,7 @@ use tokio::task::JoinHandle;
 use xtb_client::client::Client;
 use xtb_client::control::Control;
 use xtb_client::state_feed::StateFeed;
-use xtb_client::teleop::{CAUTIOUS_RPM, Drive, SEND_EVERY, TeleopSession, lost};
+use xtb_client::teleop::{CAUTIOUS_RPM, SEND_EVERY, StickPosition, TeleopSession, lost};
 use xtb_client::{Error, Result};
 use xtb_protocol::Name;
 
@@ -18,7 +18,7 @@ use xtb_protocol::Name;
 const FRESH: Duration = Duration::from_millis(100);
 
 /// What to send once; the latest wins.
-type Order = Option<(Instant, Drive)>;
+type Order = Option<(Instant, StickPosition)>;
 
 /// A robot whose wheel was asked for.
 pub(super) struct Hand {
@@ -44,7 +44,7 @@ impl Hand {
     }
 
     /// Sends this once.
-    pub(super) fn drive(&self, drive: Drive) {
+    pub(super) fn drive(&self, drive: StickPosition) {
         if let Some(orders) = &self.orders {
             orders.send_replace(Some((Instant::now(), drive)));
         }

@@ -14,7 +14,7 @@ use xtb_client::client::Client;
 use xtb_client::{Error, ErrorKind, Result, Settings};
 use xtb_protocol::Name;
 use xtb_services::dispatch::store;
-use xtb_services::vda5050::{Bridge, Broker, Login, Options};
+use xtb_services::vda5050::{Bridge, BridgeOptions, Broker, Login};
 use xtb_vda5050::Protocol;
 use xtb_vda5050::header::is_level;
 use xtb_vda5050::operating::CLIENT;
@@ -118,7 +118,7 @@ pub(super) async fn run(ctx: &Context, args: &Vda5050ServeArgs) -> Result<Exit> 
         Version::V2_1 => Protocol::V2_1,
         Version::V3_0 => Protocol::V3_0,
     };
-    let options = Options {
+    let options = BridgeOptions {
         broker,
         protocol,
         interface: args.interface.clone().unwrap_or_else(|| protocol.interface().to_owned()),

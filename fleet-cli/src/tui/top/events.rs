@@ -9,8 +9,8 @@ use ratatui::layout::Rect;
 use ratatui::style::Modifier;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
-use xtb_client::scene::fold::{Entry, fold, words};
-use xtb_client::scene::{SceneEvent, What};
+use xtb_client::scene::fold::{EventEntry, fold, words};
+use xtb_client::scene::{SceneChange, SceneEvent};
 use xtb_client::text::reasons;
 use xtb_protocol::messages::{EventKind, GoalStatus, TaskEvent, TaskView};
 
@@ -36,9 +36,9 @@ impl Cockpit {
     fn events(&self, scene: &Scene, now_ms: AtMs) -> Vec<Line<'static>> {
         let shown = |robot: &Name| self.setup.robots.is_empty() || self.setup.robots.contains(robot);
         let concerns = |happening: &&SceneEvent| match &happening.what {
-            What::Robot(event) => shown(&event.robot),
-            What::Task(event) => event.step.robot.as_ref().is_none_or(shown),
-            What::Presence { robot, .. } => robot.as_ref().is_none_or(shown),
+            SceneChange::Robot(event) => shown(&event.robot),
+            SceneChange::Task(event) => event.step.robot.as_ref().is_none_or(shown),
+            SceneChange::Presence { robot, .. } => robot.as_ref().is_none_or(shown),
         };
         let age_of = |happening: &SceneEvent| since_ms(scene, happening, now_ms);
         let line = |indent: &str, happening: &SceneEvent, text: String| {
@@ -53,7 +53,7 @@ impl Cockpit {
             let newest = entry.events.last().map(|event| (age_of(event), event.at_ms));
             newest.map(|(since_ms, at_ms)| since_ms.unwrap_or_else(|| now_ms.saturating_sub(at_ms)))
         });
-        let lines = |entry: Entry<'_>| {
+        let lines = |entry: EventEntry<'_>| {
             let head = entry.head().map(|head| line("", head, entry.text()));
             let inner = entry.events.iter().rev().filter(|_| self.details && entry.is_folded());
             let inner: Vec<_> = inner.map(|event| line("  ", event, words(&event.what))).collect();
@@ -96,29 +96,29 @@ impl Cockpit {
 fn since_ms(scene: &Scene, happening: &SceneEvent, now_ms: AtMs) -> Option<u64> {
     let came = now_ms.saturating_sub(happening.at_ms);
     let happened = match &happening.what {
-        What::Robot(event) => {
+        SceneChange::Robot(event) => {
             let state = scene.robots().get(&event.robot)?.state.as_ref()?;
             match state.value.epoch == event.epoch {
                 true => state.age_ms(now_ms) + state.value.tick_ms.saturating_sub(event.tick_ms),
                 false => came, // of another boot, with a clock of its own
             }
         }
-        What::Task(event) => {
+        SceneChange::Task(event) => {
             let list = scene.tasks()?;
             list.age_ms(now_ms) + list.value.at_ms.saturating_sub(event.step.at_ms)
         }
-        What::Presence { .. } => came,
+        SceneChange::Presence { .. } => came,
     };
     // Never younger than its message.
     Some(happened.max(came))
 }
 
 /// How good it is.
-fn tone(what: &What) -> Tone {
+fn tone(what: &SceneChange) -> Tone {
     let event = match what {
-        What::Robot(event) => event,
-        What::Task(TaskEvent { step, .. }) => return task_text::tone(step.state),
-        What::Presence { there, .. } => return if *there { Tone::Plain } else { Tone::Bad },
+        SceneChange::Robot(event) => event,
+        SceneChange::Task(TaskEvent { step, .. }) => return task_text::tone(step.state),
+        SceneChange::Presence { there, .. } => return if *there { Tone::Plain } else { Tone::Bad },
     };
     match &event.kind {
         EventKind::Started { .. } => Tone::Strong,

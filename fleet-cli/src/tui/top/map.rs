@@ -11,7 +11,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line as Text, Span};
 use ratatui::widgets::canvas::{Canvas, Context, Line, Points};
 use ratatui::widgets::{Block, Clear};
-use xtb_client::scene::Body;
+use xtb_client::scene::CarBody;
 use xtb_nav::Path;
 use xtb_protocol::messages::{MapPlace, PlaceKind, RouteState, Sensors};
 
@@ -284,7 +284,7 @@ fn at((x_m, y_m, yaw_rad): (f64, f64, f64), ahead_m: f64, left_m: f64) -> (f64, 
     (x_m + ahead_m * cos - left_m * sin, y_m + ahead_m * sin + left_m * cos)
 }
 
-fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Body, color: Color) {
+fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &CarBody, color: Color) {
     let (half_m, side_m) = (body.length_m / 2.0, body.width_m / 2.0);
     let corners = [
         (half_m, 0.0),
@@ -301,7 +301,7 @@ fn outline(canvas: &mut Context<'_>, place: (f64, f64, f64), body: &Body, color:
 }
 
 /// Ends of the beams that see something, (ahead, left) of the robot, in groups of neighbours.
-fn arcs(sensors: &Sensors, body: &Body) -> Vec<Vec<(f64, f64)>> {
+fn arcs(sensors: &Sensors, body: &CarBody) -> Vec<Vec<(f64, f64)>> {
     let mut arcs = Vec::new();
     for bumper in body.seen(sensors) {
         let mut arc = Vec::new();

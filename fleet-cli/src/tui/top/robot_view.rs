@@ -4,7 +4,7 @@ use crate::commands::why;
 use crate::output::Tone;
 use std::time::Duration;
 use xtb_client::fleet_view::{RobotView, by_number};
-use xtb_client::scene::{AtMs, Robot, Scene};
+use xtb_client::scene::{AtMs, Scene, SceneRobot};
 use xtb_client::text::reasons;
 use xtb_client::text::robot as describe;
 use xtb_control::Mode;
@@ -68,7 +68,7 @@ pub(super) struct ShownRobot<'a> {
     /// Its row, and so its colour.
     pub(super) row: usize,
     /// Everything that was ever heard.
-    pub(super) robot: &'a Robot,
+    pub(super) robot: &'a SceneRobot,
     /// What is known now; `None` = nothing.
     pub(super) state: Option<&'a RobotState>,
     /// Since its last state came; `None` = none has.
@@ -82,7 +82,7 @@ pub(super) fn sights<'a>(scene: &'a Scene, only: &[Name], now_ms: AtMs) -> Vec<S
     let wanted = |name: &Name| only.is_empty() || only.contains(name);
     let mut robots: Vec<_> = scene.robots().iter().filter(|(name, _)| wanted(name)).collect();
     robots.sort_by_key(|(name, _)| by_number(name));
-    let sight = |(row, (name, robot)): (usize, (&'a Name, &'a Robot))| ShownRobot {
+    let sight = |(row, (name, robot)): (usize, (&'a Name, &'a SceneRobot))| ShownRobot {
         name,
         alias: scene.alias(name),
         row,

@@ -1,7 +1,7 @@
 //! What a person is asked to do, and asked; and what an answer means.
 
 use super::plan::{Place, Stick};
-use xtb_control::calibration::{Actuator, Kind};
+use xtb_control::calibration::{Actuator, ActuatorKind};
 
 /// What went well, or what is wrong and what to do about it.
 pub(super) type Verdict = Result<String, Wrong>;
@@ -86,7 +86,9 @@ impl Motion {
     /// The two directions, the one that comes first before the other.
     fn directions(self) -> [&'static str; 2] {
         match self {
-            Self::Servo(actuator) if matches!(actuator.kind(), Kind::Steering(_)) => ["right", "left"],
+            Self::Servo(actuator) if matches!(actuator.kind(), ActuatorKind::Steering(_)) => {
+                ["right", "left"]
+            }
             Self::Servo(_) => ["up", "down"],
             Self::Motor { astern: false } => ["ahead", "astern"],
             Self::Motor { astern: true } => ["astern", "ahead"],
@@ -140,7 +142,7 @@ pub(super) const WHEELS_UP: &str = "wheels up";
 
 /// Whether a car may lack it without a setting that says so.
 fn may_be_missing(actuator: Actuator) -> bool {
-    matches!(actuator.kind(), Kind::Bumper(_))
+    matches!(actuator.kind(), ActuatorKind::Bumper(_))
 }
 
 /// What to answer then.

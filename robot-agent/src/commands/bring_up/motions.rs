@@ -2,7 +2,7 @@
 
 use super::dialogue::{Verdict, Wrong};
 use crate::commands::calibrate::bench::{Bench, Trouble};
-use xtb_control::calibration::{Actuator, Kind, Sweep};
+use xtb_control::calibration::{Actuator, ActuatorKind, Sweep};
 use xtb_control::pistons::height_m;
 use xtb_control::{PwmCount, VehicleConfig};
 
@@ -40,7 +40,7 @@ pub(super) fn wiggle(
     eyes: &mut dyn FnMut(&mut Bench),
 ) -> Result<Verdict, Trouble> {
     let [first, then, middle] = ends(actuator, vehicle);
-    let Kind::Piston(index) = actuator.kind() else {
+    let ActuatorKind::Piston(index) = actuator.kind() else {
         eyes(bench);
         bench.drive(actuator, first);
         bench.hold(WIGGLE_S)?;

@@ -1,7 +1,7 @@
 //! Which steps a truck needs: they follow from what its settings say is fitted.
 
 use xtb_control::VehicleConfig;
-use xtb_control::calibration::{Actuator, Kind};
+use xtb_control::calibration::{Actuator, ActuatorKind};
 use xtb_control::vehicle::{BumperFinders, Drivetrain, Platform, SLOTS};
 
 /// A range finder: bumper and number from the left, 0..[`SLOTS`].
@@ -67,9 +67,9 @@ pub(super) fn steps(vehicle: &VehicleConfig) -> Vec<Step> {
     let has_platform = vehicle.platform != Platform::Off;
     let both_axles = vehicle.drivetrain == Drivetrain::BothAxles;
     let is_fitted = |actuator: &Actuator| match actuator.kind() {
-        Kind::Steering(axle) => axle == 0 || both_axles,
-        Kind::Bumper(_) => true,
-        Kind::Piston(_) => has_platform,
+        ActuatorKind::Steering(axle) => axle == 0 || both_axles,
+        ActuatorKind::Bumper(_) => true,
+        ActuatorKind::Piston(_) => has_platform,
     };
     let actuators: Vec<_> = Actuator::ALL.into_iter().filter(is_fitted).collect();
     let ranges = |is_rear| {

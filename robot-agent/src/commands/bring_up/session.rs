@@ -17,7 +17,7 @@ use super::plan::{Place, Step};
 use super::report::{Outcome, Report};
 use std::collections::VecDeque;
 use xtb_control::VehicleConfig;
-use xtb_control::calibration::{Actuator, Kind};
+use xtb_control::calibration::{Actuator, ActuatorKind};
 
 /// The board has so long to come up.
 const COMES_UP_S: f64 = 8.0;
@@ -385,7 +385,7 @@ fn stages(step: Step, vehicle: &VehicleConfig, patience_s: f64) -> Vec<Stage> {
             let motion = Motion::Servo(actuator);
             let mut stages = vec![Stage::Ask(Question::Ready(actuator)), Stage::Move(motion)];
             // A piston has a sensor of its own.
-            if !matches!(actuator.kind(), Kind::Piston(_)) {
+            if !matches!(actuator.kind(), ActuatorKind::Piston(_)) {
                 stages.push(Stage::Ask(Question::Direction(motion)));
             }
             stages

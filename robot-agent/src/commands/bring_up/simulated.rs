@@ -13,7 +13,7 @@ use robot_agent::hardware::simulated::{LoneTruck, WorldOrders};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use xtb_control::VehicleConfig;
-use xtb_control::calibration::{Actuator, Kind};
+use xtb_control::calibration::{Actuator, ActuatorKind};
 use xtb_sim::{Hands, Simulation, Transmitter, Truck, TruckParameters};
 
 /// A simulated truck's world need not wait for anybody's watch.
@@ -93,11 +93,13 @@ impl SimulatedPerson {
 
 fn servo(actuator: Actuator, before: &Sight, after: &Sight) -> (f64, f64, [&'static str; 2]) {
     match actuator.kind() {
-        Kind::Steering(axle) => {
+        ActuatorKind::Steering(axle) => {
             (after.steering_deg[axle] - before.steering_deg[axle], SEEN_DEG, ["right", "left"])
         }
-        Kind::Bumper(end) => (after.bumpers_deg[end] - before.bumpers_deg[end], SEEN_DEG, ["up", "down"]),
-        Kind::Piston(_) => (0.0, SEEN_DEG, ["up", "down"]),
+        ActuatorKind::Bumper(end) => {
+            (after.bumpers_deg[end] - before.bumpers_deg[end], SEEN_DEG, ["up", "down"])
+        }
+        ActuatorKind::Piston(_) => (0.0, SEEN_DEG, ["up", "down"]),
     }
 }
 

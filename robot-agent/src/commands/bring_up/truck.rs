@@ -17,7 +17,7 @@ use robot_agent::hardware::lines::Lines;
 use std::io;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
-use xtb_control::remote::{Reading, reading};
+use xtb_control::remote::{TickReading, reading};
 use xtb_control::units::PWM_PERIOD_COUNTS;
 use xtb_control::vehicle::SLOTS;
 use xtb_control::{AdcCount, Stamp, VehicleConfig};
@@ -179,8 +179,8 @@ fn view(vehicle: &VehicleConfig, robot: &Robot, now: Stamp) -> View {
         [side(false, adc.ir_front), side(true, adc.ir_rear)]
     });
     let duty = |ticks| match reading(&vehicle.remote, ticks) {
-        Reading::Usable(duty) => Some(duty),
-        Reading::Rejected | Reading::Impossible => None,
+        TickReading::Usable(duty) => Some(duty),
+        TickReading::Rejected | TickReading::Impossible => None,
     };
     let tilt = robot.outputs().tilt.both().filter(|_| readings.adc.is_some());
     View {

@@ -20,7 +20,7 @@ use xtb_control::calibration::Actuator;
 use xtb_control::calibration::Measured;
 use xtb_control::config::ConfigError;
 use xtb_control::controller::{AdcSample, PwmOutputs};
-use xtb_control::tpu::{Setup, SetupTask};
+use xtb_control::tpu::{SetupTask, TpuSetup};
 use xtb_control::{Controller, PwmCount, Stamp, VehicleConfig};
 use xtb_protocol::board::{FrameReader, FrameWriter, FromBoard};
 use xtb_robot::robot::{PWM_FRAME_NS, TURN_NS};
@@ -120,7 +120,7 @@ impl Bench {
         vehicle: &VehicleConfig,
         interrupted: Arc<AtomicBool>,
     ) -> Result<Self, ConfigError> {
-        let setup = SetupTask::new(Setup::of(vehicle)?);
+        let setup = SetupTask::new(TpuSetup::of(vehicle)?);
         let at_rest = Controller::new(vehicle.clone()).outputs(Stamp::ZERO).pwm;
         let now = clock.now();
         Ok(Self {

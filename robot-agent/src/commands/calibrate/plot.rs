@@ -7,7 +7,7 @@ use plotters::data::fitting_range;
 use plotters::element::ComposedElement;
 use plotters::prelude::*;
 use std::ops::Range;
-use xtb_control::calibration::{Actuator, Branch, Fit, Kind, Point};
+use xtb_control::calibration::{Actuator, ActuatorKind, Branch, Fit, Point};
 use xtb_control::vehicle::Line;
 
 /// In pixels.
@@ -90,7 +90,7 @@ fn draw(
             .legend(|(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], INK.stroke_width(2)));
     }
     let names = match what.kind() {
-        Kind::Piston(_) => ["lifting", "lowering", "did not move"],
+        ActuatorKind::Piston(_) => ["lifting", "lowering", "did not move"],
         _ => ["pulses getting longer", "pulses getting shorter", "did not move"],
     };
     for (branch, name) in [Branch::Up, Branch::Down, Branch::Still].into_iter().zip(names) {
@@ -130,9 +130,9 @@ fn tick(value: &f64) -> String {
 
 fn quantity(what: Actuator) -> &'static str {
     match what.kind() {
-        Kind::Steering(_) => "wheel angle [deg], + = right",
-        Kind::Bumper(_) => "bumper angle [deg], + = up",
-        Kind::Piston(_) => "piston speed [m/s], + = up",
+        ActuatorKind::Steering(_) => "wheel angle [deg], + = right",
+        ActuatorKind::Bumper(_) => "bumper angle [deg], + = up",
+        ActuatorKind::Piston(_) => "piston speed [m/s], + = up",
     }
 }
 

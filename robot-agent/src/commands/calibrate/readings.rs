@@ -4,7 +4,7 @@ use crate::commands::Failure;
 use robot_agent::files;
 use std::path::Path;
 use xtb_control::PwmCount;
-use xtb_control::calibration::{Actuator, Branch, Kind, Point};
+use xtb_control::calibration::{Actuator, ActuatorKind, Branch, Point};
 
 /// Reads the file; `#` begins a comment.
 pub(crate) fn read(path: &Path, what: Actuator) -> Result<Vec<Point>, Failure> {
@@ -48,9 +48,9 @@ fn branches(readings: &[(PwmCount, f64)], what: Actuator) -> Vec<Point> {
     let mut points = Vec::with_capacity(readings.len());
     for &(count, quantity) in readings {
         branch = match what.kind() {
-            Kind::Piston(_) if quantity == 0.0 => Branch::Still,
-            Kind::Piston(_) if quantity > 0.0 => Branch::Up,
-            Kind::Piston(_) => Branch::Down,
+            ActuatorKind::Piston(_) if quantity == 0.0 => Branch::Still,
+            ActuatorKind::Piston(_) if quantity > 0.0 => Branch::Up,
+            ActuatorKind::Piston(_) => Branch::Down,
             _ => before.map_or(branch, |before| way(before, count, branch)),
         };
         before = Some(count);

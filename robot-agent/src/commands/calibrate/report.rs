@@ -3,7 +3,7 @@
 use crate::commands::columns;
 use serde::Serialize;
 use std::path::Path;
-use xtb_control::calibration::{Actuator, Branch, Fit, FitError, Kind, Point};
+use xtb_control::calibration::{Actuator, ActuatorKind, Branch, Fit, FitError, Point};
 use xtb_control::vehicle::Line;
 
 /// A calibration and what became of it.
@@ -62,7 +62,7 @@ struct JsonPoint {
 
 impl Report<'_> {
     fn is_piston(&self) -> bool {
-        matches!(self.what.kind(), Kind::Piston(_))
+        matches!(self.what.kind(), ActuatorKind::Piston(_))
     }
 
     /// The fit in one line, for plot and person.
@@ -89,9 +89,9 @@ impl Report<'_> {
         };
         let old_zero = self.old_centre.unwrap_or_else(|| self.old.count(0.0));
         let zero = match self.what.kind() {
-            Kind::Steering(_) => "centre",
-            Kind::Bumper(_) => "level",
-            Kind::Piston(_) => "standing",
+            ActuatorKind::Steering(_) => "centre",
+            ActuatorKind::Bumper(_) => "level",
+            ActuatorKind::Piston(_) => "standing",
         };
         let rows = [
             ["", "OLD", "NEW", "STANDARD ERROR", ""].map(str::to_owned).to_vec(),

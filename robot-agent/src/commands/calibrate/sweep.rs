@@ -8,7 +8,7 @@ use super::console::Console;
 use indicatif::ProgressBar;
 use xtb_control::PwmCount;
 use xtb_control::calibration::Measured;
-use xtb_control::calibration::{Actuator, Kind, Point, Step};
+use xtb_control::calibration::{Actuator, ActuatorKind, Point, SweepStep};
 
 /// From a new pulse to a servo at rest, linkage included.
 const SETTLE_S: f64 = 0.5;
@@ -37,12 +37,12 @@ pub(crate) trait Stand {
 }
 
 /// All readings of a sweep.
-pub(crate) fn angles(steps: &[Step], stand: &mut dyn Stand) -> Result<Vec<Point>, Trouble> {
+pub(crate) fn angles(steps: &[SweepStep], stand: &mut dyn Stand) -> Result<Vec<Point>, Trouble> {
     let number = |index: usize| steps[..index].iter().filter(|step| step.read).count();
     let of = number(steps.len());
     let mut points: Vec<(usize, Point)> = Vec::with_capacity(of);
     let mut index = 0;
-    while let Some(&Step { count, read, branch }) = steps.get(index) {
+    while let Some(&SweepStep { count, read, branch }) = steps.get(index) {
         stand.go(count)?;
         if !read {
             index += 1;
@@ -89,7 +89,7 @@ impl Stand for Truck<'_> {
             self.progress.set_position(number as u64);
             return Ok(Answer::Angle(angle_deg));
         }
-        let positive = if matches!(self.actuator.kind(), Kind::Steering(_)) { "right" } else { "up" };
+        let positive = if matches!(self.actuator.kind(), ActuatorKind::Steering(_)) { "right" } else { "up" };
         let mut question = format!("{number:>3} of {of}  pulse {}  deg, + = {positive}: ", count.get());
         loop {
             let typed = self.console.ask_while(&question, || self.bench.turn())?;
@@ -104,9 +104,9 @@ impl Stand for Truck<'_> {
 /// What the instruments say of an actuator; they do not measure pistons.
 fn angle_deg(actuator: Actuator, measured: &Measured) -> Option<f64> {
     match actuator.kind() {
-        Kind::Steering(i) => measured.steering_deg.get(i).copied(),
-        Kind::Bumper(i) => measured.bumpers_deg.get(i).copied(),
-        Kind::Piston(_) => None,
+        ActuatorKind::Steering(i) => measured.steering_deg.get(i).copied(),
+        ActuatorKind::Bumper(i) => measured.bumpers_deg.get(i).copied(),
+        ActuatorKind::Piston(_) => None,
     }
 }
 

@@ -1,22 +1,22 @@
 //! What a calibration changes in a configuration file.
 
-use robot_agent::settings_file::Change;
-use xtb_control::calibration::{Actuator, Fit, Kind};
+use robot_agent::settings_file::SettingChange;
+use xtb_control::calibration::{Actuator, ActuatorKind, Fit};
 
 /// Digits that are written: more than any protractor gives.
 const DIGITS: i32 = 7;
 
 /// What a fit changes, rounded as it will be written. A steering's centre goes with its line.
-pub(crate) fn changes(what: Actuator, fit: &Fit) -> Vec<Change> {
+pub(crate) fn changes(what: Actuator, fit: &Fit) -> Vec<SettingChange> {
     let key = what.name().replace('-', "_");
     let mut changes = vec![
-        Change::new(&format!("vehicle.calibration.{key}_slope"), rounded(fit.line.slope)),
-        Change::new(&format!("vehicle.calibration.{key}_intercept"), rounded(fit.line.intercept)),
+        SettingChange::new(&format!("vehicle.calibration.{key}_slope"), rounded(fit.line.slope)),
+        SettingChange::new(&format!("vehicle.calibration.{key}_intercept"), rounded(fit.line.intercept)),
     ];
-    if let Kind::Steering(axle) = what.kind() {
+    if let ActuatorKind::Steering(axle) = what.kind() {
         let key = ["front_centre", "rear_centre"][axle];
         let centre = (fit.zero_count * 10.0).round() / 10.0;
-        changes.push(Change::new(&format!("vehicle.steering.{key}"), centre));
+        changes.push(SettingChange::new(&format!("vehicle.steering.{key}"), centre));
     }
     changes
 }

@@ -6,7 +6,7 @@ use robot_agent::config::ConfigFile;
 use serde::Serialize;
 use xtb_control::infrared::BumperRanges;
 use xtb_control::pistons::height_m;
-use xtb_control::remote::{Reading as Pulse, reading};
+use xtb_control::remote::{TickReading as Pulse, reading};
 use xtb_control::speed::wheel_rpm;
 use xtb_control::units::PWM_PERIOD_COUNTS;
 use xtb_control::vehicle::{BumperFinders, Platform, SLOTS};

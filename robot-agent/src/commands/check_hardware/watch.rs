@@ -2,7 +2,7 @@
 
 use super::rows::Counted;
 use xtb_control::controller::RemoteSample;
-use xtb_control::remote::{Reading, reading};
+use xtb_control::remote::{TickReading, reading};
 use xtb_control::vehicle::Imu;
 use xtb_control::{Stamp, VehicleConfig};
 use xtb_robot::robot::Readings;
@@ -55,7 +55,7 @@ impl Watch {
         self.most_pulses = self.most_pulses.max(readings.pulses);
         if let Some(sample) = readings.remote {
             for (usable, ticks) in self.usable.iter_mut().zip(channels(sample)) {
-                if matches!(reading(&self.remote_settings, ticks), Reading::Usable(_)) {
+                if matches!(reading(&self.remote_settings, ticks), TickReading::Usable(_)) {
                     *usable = ticks;
                 }
             }

@@ -5,13 +5,13 @@ use fleet_tests::name;
 use std::hint::black_box;
 use xtb_control::controller::{AdcSample, GyroSample, RemoteSample};
 use xtb_control::frames::MapPose;
-use xtb_control::goto::Goal;
+use xtb_control::goto::GotoGoal;
 use xtb_control::{AdcCount, Command, Controller, Sample, Stamp, VehicleConfig};
 use xtb_protocol::Uuid;
 use xtb_protocol::board::{FrameReader, FrameWriter};
 use xtb_protocol::codec::{self, Format};
 use xtb_protocol::messages::{Body, Done, Lease, LinkLoss, Outcome, Request, RobotState, TruthRobot};
-use xtb_robot::{Identity, Robot};
+use xtb_robot::{Robot, RobotIdentity};
 use xtb_sim::lockstep::turn;
 use xtb_sim::{Lockstep, STEP_NS, Simulation, Truck, TruckParameters, World};
 
@@ -54,7 +54,7 @@ pub(super) fn controller_steps() -> Work {
     }
     let mut controller = Controller::new(VehicleConfig::default());
     controller.step(Stamp::ZERO, &samples[0]);
-    let goal = Goal::new(3.0, 40.0).expect("in range");
+    let goal = GotoGoal::new(3.0, 40.0).expect("in range");
     controller.step(Stamp::ZERO, &Sample::Command(Command::Goto(goal)));
     let (steps, mut now) = (SECONDS * samples.len(), Stamp::ZERO);
     Work::new(steps as f64, move || {
@@ -80,7 +80,7 @@ pub(super) fn robot_turns() -> Work {
     let mut simulation = Simulation::new(world, &parameters, &["xtb-1"], 1).expect("there is room");
     let TruthRobot { x_m, y_m, yaw_rad, .. } = simulation.trucks()[0].truth();
     let start_pose = MapPose { x_m, y_m, yaw_rad };
-    let identity = Identity { fleet: name("lab"), robot: name("xtb-1"), epoch: 1, start_pose };
+    let identity = RobotIdentity { fleet: name("lab"), robot: name("xtb-1"), epoch: 1, start_pose };
     let mut robot = Robot::new(identity, VehicleConfig::default(), "bench");
     let mut bytes = Vec::new();
     for _ in 0..BOOT_STEPS {
@@ -225,7 +225,7 @@ pub(super) fn scenarios() -> Work {
 /// Virtual time of the fleets, in s.
 fn four_scenarios_s() -> f64 {
     let lasted_s = |seed: u64| {
-        let report = xtb_chaos::run(seed, xtb_chaos::Options::default()).expect("a scenario");
+        let report = xtb_chaos::run(seed, xtb_chaos::ScenarioOptions::default()).expect("a scenario");
         report.lasted_ms as f64 / 1000.0
     };
     (0..4).map(lasted_s).sum()

@@ -10,12 +10,14 @@ use xtb_dispatch::OpenTravelCost;
 use xtb_dispatch::assign::{Candidate, Demand, assign};
 use xtb_nav::map::raster;
 use xtb_nav::obstacle_layer::BumperScan;
-use xtb_nav::planner::space::{Layers, LookOut};
-use xtb_nav::rooms::{Draw, Room};
-use xtb_nav::{Car, Cell, Gears, Goal, Grid, GridSpace, MapPose, ObstacleLayer, Planner, PlannerSettings};
+use xtb_nav::planner::space::{GridLayers, LookOut};
+use xtb_nav::rooms::{Draw, RoomKind};
+use xtb_nav::{
+    Car, Cell, Gears, Grid, GridSpace, MapPose, ObstacleLayer, Planner, PlannerGoal, PlannerSettings,
+};
 use xtb_protocol::messages::{TaskId, Waypoint};
-use xtb_traffic::coordinator::{Coordinator, GridRoom, JointJob, PlannedGoal, RobotView};
-use xtb_traffic::solver::{Bounds, Obstacle, Problem, Settings, Solver, Task, Tolerance};
+use xtb_traffic::coordinator::{Coordinator, GridRoom, JointJob, PlannedGoal, ReportedRobot};
+use xtb_traffic::solver::{CarTask, FloorBounds, Obstacle, Problem, Solver, SolverSettings, Tolerance};
 
 /// The truck of the planner's table in docs/navigation.md.
 const TRUCK: Car =
@@ -29,13 +31,13 @@ fn pose(x_m: f64, y_m: f64, yaw_rad: f64) -> MapPose {
 }
 
 /// The first ten queries of a seed that have a way.
-pub(super) fn single_plans(room: Room) -> Work {
+pub(super) fn single_plans(room: RoomKind) -> Work {
     const PLANS: usize = 10;
     let grid = room.grid(1);
-    let space = GridSpace::new(&Layers::map(&grid), TRUCK, LookOut::TRUCK).expect("layers of one grid");
+    let space = GridSpace::new(&GridLayers::map(&grid), TRUCK, LookOut::TRUCK).expect("layers of one grid");
     let (mut draw, mut planner, settings) = (Draw::new(1), Planner::new(), PlannerSettings::default());
     let mut plan = move |space: &GridSpace, (start, goal): &(MapPose, MapPose)| {
-        planner.plan_on_grid(space, start, &Goal::exactly(goal), &settings, &mut || true).is_ok()
+        planner.plan_on_grid(space, start, &PlannerGoal::exactly(goal), &settings, &mut || true).is_ok()
     };
     let mut place = || draw.free_pose(&space).expect("a free place");
     let queries = (0..100 * PLANS).map(|_| (place(), place()));
@@ -50,7 +52,7 @@ pub(super) fn single_plans(room: Room) -> Work {
 /// A truck on a circle in the open room; every third beam hits something.
 pub(super) fn obstacle_scans() -> Work {
     const SCANS: usize = 500;
-    let (grid, mut draw) = (Room::Open.grid(1), Draw::new(1));
+    let (grid, mut draw) = (RoomKind::Open.grid(1), Draw::new(1));
     let mut ranges = || -> BumperRanges {
         std::array::from_fn(|_| {
             let range_cm = draw.uniform(15.0, 60.0);
@@ -97,7 +99,7 @@ fn door_job() -> JointJob {
     ];
     let view = |index: usize| {
         let MapPose { x_m, y_m, yaw_rad } = places[(index + 2) % places.len()];
-        RobotView {
+        ReportedRobot {
             name: format!("xtb-{}", index + 1),
             epoch: 1,
             car: Some(TRUCK),
@@ -128,7 +130,7 @@ pub(super) fn offline_plan() -> Work {
 }
 
 fn solves(problem: &Problem) -> bool {
-    let settings = Settings { most_rounds: 1000, ..Settings::default() };
+    let settings = SolverSettings { most_rounds: 1000, ..SolverSettings::default() };
     let solver = Solver::new(problem, &mut || true);
     solver.and_then(|solver| solver.solve(&settings, &mut || true)).is_ok()
 }
@@ -162,10 +164,10 @@ fn twenty_cars(seed: u64) -> Problem {
     };
     let ways = places().into_iter().zip(places()).enumerate();
     let cars = ways
-        .map(|(i, (start, goal))| Task { name: format!("car-{i}"), car: LARGE_CAR, start, goal })
+        .map(|(i, (start, goal))| CarTask { name: format!("car-{i}"), car: LARGE_CAR, start, goal })
         .collect();
     Problem {
-        bounds: Bounds { west_m: 0.0, south_m: 0.0, east_m: SIDE_M, north_m: SIDE_M },
+        bounds: FloorBounds { west_m: 0.0, south_m: 0.0, east_m: SIDE_M, north_m: SIDE_M },
         cars,
         obstacles: discs,
         one_way: None,

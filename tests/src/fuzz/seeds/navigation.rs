@@ -13,7 +13,7 @@ use xtb_protocol::messages::{
     NearRole, NearState, NearWay, Rejected, RobotState, Route, RouteGoal, RouteSource, RouteState, Track,
     TrafficState, Via,
 };
-use xtb_robot::agent::Identity;
+use xtb_robot::agent::RobotIdentity;
 use xtb_robot::robot::Robot;
 
 const HERE: MapPose = MapPose { x_m: 1.0, y_m: -1.0, yaw_rad: 0.5 };
@@ -111,7 +111,7 @@ pub(crate) fn traffic() -> Vec<Seed> {
 
 /// A robot that has just booted, and one that waits on its path.
 pub(crate) fn robot_state() -> Vec<Seed> {
-    let identity = Identity { fleet: name("lab"), robot: name("xtb-1"), epoch: 300, start_pose: HERE };
+    let identity = RobotIdentity { fleet: name("lab"), robot: name("xtb-1"), epoch: 300, start_pose: HERE };
     let mut robot = Robot::new(identity, VehicleConfig::default(), "fuzz");
     let booted = robot.state(Stamp::from_ns(1_000_000_000), Rejected::default());
     let goal = GoalState {

@@ -18,7 +18,7 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName}
 use tokio_rustls::rustls::version::{TLS12, TLS13};
 use tokio_rustls::rustls::{ClientConfig, RootCertStore, SupportedProtocolVersion};
 use xtb_identity::Role;
-use xtb_identity::issue::{Issued, LIFE, Purpose};
+use xtb_identity::issue::{CertificatePurpose, Issued, LIFE};
 
 /// A revoked person is out within this.
 const OUT_WITHIN: Duration = Duration::from_secs(2);
@@ -209,7 +209,7 @@ async fn a_stranger_sees_the_form_and_nothing_of_the_fleet() {
 async fn a_certificate_of_the_fleet_signs_in_by_itself_and_others_do_not_get_through() {
     let secured = Secured::start(Setup::default(), &[("alice", Role::Operator)]).await;
     let identities = &secured.identities;
-    let alice = identities.certificate("alice.1", Purpose::Browser, LIFE);
+    let alice = identities.certificate("alice.1", CertificatePurpose::Browser, LIFE);
     let mut page = secured.socket(Some(&alice), None).await.unwrap();
     page.until("the first word", |page| page.hello.is_object().then_some(())).await;
     assert_eq!(
@@ -220,12 +220,12 @@ async fn a_certificate_of_the_fleet_signs_in_by_itself_and_others_do_not_get_thr
 
     // Of the fleet, but nobody who signs in: an older generation of hers, a robot, somebody unknown.
     for own in ["alice.2", "xtb-1.1", "carol.1", "router.1"] {
-        let own = identities.certificate(own, Purpose::Client, LIFE);
+        let own = identities.certificate(own, CertificatePurpose::Client, LIFE);
         assert_eq!(secured.socket(Some(&own), None).await.err().unwrap().0, 401);
     }
     // Another CA's, and an expired one: the handshake fails, which TLS 1.3 tells with the first bytes.
-    let other = PageIdentities::new().certificate("alice.1", Purpose::Browser, LIFE);
-    let expired = identities.certificate("alice.1", Purpose::Browser, Duration::ZERO);
+    let other = PageIdentities::new().certificate("alice.1", CertificatePurpose::Browser, LIFE);
+    let expired = identities.certificate("alice.1", CertificatePurpose::Browser, Duration::ZERO);
     eventually("its last second has passed", || async { refused(&secured, &expired).await.then_some(()) })
         .await;
     assert!(refused(&secured, &other).await);

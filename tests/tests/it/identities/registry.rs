@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use xtb_bus::Bus;
 use xtb_identity::Role;
 use xtb_protocol::messages::{Body, IdentityStatus, LinkLoss, Outcome, RobotState};
-use xtb_services::router::{Change, GuardedRouter, News, ask_to_apply};
+use xtb_services::router::{AdmissionChange, GuardedRouter, News, ask_to_apply};
 
 const PEOPLE: [(&str, Role); 3] =
     [("xtb-1", Role::Robot), ("alice", Role::Operator), ("bob", Role::Operator)];
@@ -69,7 +69,7 @@ async fn who_is_revoked_is_out_within_4_s_and_the_others_are_back_within_1500_ms
     assert!(back > until - Duration::from_secs(1), "alice is not back");
     assert!(gap <= Duration::from_millis(1500), "alice was not answered for {gap:?}");
     let News::Reopened { change, closed } = router.news().await else { panic!("it was not opened anew") };
-    assert_eq!(change, Change { out: [name("bob")].into(), ..Change::default() });
+    assert_eq!(change, AdmissionChange { out: [name("bob")].into(), ..AdmissionChange::default() });
     assert!(closed <= Duration::from_millis(1500), "it was closed for {closed:?}");
 
     let now = state(&pki, &alice).await.unwrap();

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
-use xtb_bus::{AttachedPublisher, Bus, Role, Token};
+use xtb_bus::{AttachedPublisher, Bus, PresenceToken, SessionRole};
 use xtb_ros2::cdr::{Cdr, from_bytes, to_bytes};
 use xtb_ros2::offer::{CMD_VEL_STAMPED, Channel};
 use xtb_ros2::token::{self, Kind};
@@ -16,7 +16,7 @@ pub(super) const DOMAIN: u32 = 7;
 
 /// A session of its own.
 pub(super) async fn session(endpoint: &str) -> Bus {
-    xtb_bus::open(&Role::Client { connect: vec![endpoint.to_owned()] }).await.unwrap()
+    xtb_bus::open(&SessionRole::Client { connect: vec![endpoint.to_owned()] }).await.unwrap()
 }
 
 fn node(bus: &Bus, name: &str) -> token::Node {
@@ -32,7 +32,7 @@ fn of_robot(channel: &Channel) -> RosName {
 /// A publisher of velocity commands.
 pub(super) struct Talker {
     publisher: AttachedPublisher,
-    tokens: Vec<Token>,
+    tokens: Vec<PresenceToken>,
     gid: Gid,
     sequence: AtomicI64,
 }
@@ -88,7 +88,7 @@ impl Talker {
 /// Calls services.
 pub(super) struct Caller {
     session: zenoh::Session,
-    _tokens: Vec<Token>,
+    _tokens: Vec<PresenceToken>,
     gid: Gid,
 }
 

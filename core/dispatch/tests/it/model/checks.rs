@@ -4,14 +4,14 @@ use super::weather::Off;
 use super::{LEDGER, START_MS, World};
 use std::collections::BTreeMap;
 use xtb_dispatch::task_store::record::Record;
-use xtb_dispatch::{Dispatcher, Entry};
+use xtb_dispatch::{Dispatcher, LedgerEntry};
 use xtb_protocol::messages::{Assignment, Body, Request, SuspensionCause, TaskId, TaskState};
 use xtb_protocol::{Name, Uuid};
 
 impl World {
     /// What the ledger has, and under which request.
     pub(super) fn submitted(&self) -> BTreeMap<TaskId, Uuid> {
-        let of = |entry: &Entry| match &entry.record {
+        let of = |entry: &LedgerEntry| match &entry.record {
             Record::Submitted { task, key, .. } => Some((*task, *key)),
             _ => None,
         };
@@ -20,7 +20,7 @@ impl World {
 
     /// Which task an assignment of the ledger is of.
     fn tasks_of_seq(&self) -> BTreeMap<u64, TaskId> {
-        let of = |entry: &Entry| match &entry.record {
+        let of = |entry: &LedgerEntry| match &entry.record {
             Record::Assigned { task, seq, .. } => Some((*seq, *task)),
             _ => None,
         };

@@ -13,8 +13,8 @@ pub(crate) use weather::{Off, Weather};
 use crate::robots::FakeRobot;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use weather::{DOOMED, spec};
-use xtb_dispatch::dispatcher::Identity;
-use xtb_dispatch::{Dispatcher, Effect, Entry, OpenTravelCost, Settings, Write};
+use xtb_dispatch::dispatcher::DispatcherIdentity;
+use xtb_dispatch::{Dispatcher, DispatcherSettings, Effect, LedgerEntry, OpenTravelCost, Write};
 use xtb_nav::rooms::Draw;
 use xtb_protocol::messages::{
     Body, DispatchBody, DispatchCode, DispatchOutcome, DispatchReply, DispatchRequest, MapHash, NEXT_LEG,
@@ -55,7 +55,7 @@ pub(crate) struct World {
     takeover_until_ms: Vec<u64>,
     mail: Vec<(u64, u64, Mail)>,
     sent: u64,
-    pub(crate) ledger: Vec<Entry>,
+    pub(crate) ledger: Vec<LedgerEntry>,
     pub(crate) dispatcher: Option<Dispatcher>,
     run: u64,
     /// The fleet's map, and when the dispatcher of this run hears of it.
@@ -140,10 +140,10 @@ impl World {
         world
     }
 
-    fn settings(&self) -> Settings {
-        let usual = Settings::default();
+    fn settings(&self) -> DispatcherSettings {
+        let usual = DispatcherSettings::default();
         if self.weather.off == Off::Grace {
-            Settings { silent_ms: 100, halted_ms: 0, ..usual }
+            DispatcherSettings { silent_ms: 100, halted_ms: 0, ..usual }
         } else {
             usual
         }
@@ -151,8 +151,8 @@ impl World {
 
     fn start(&mut self) {
         self.run += 1;
-        let read = self.ledger.iter().map(|entry| Entry::from_json(&entry.to_json().unwrap()).unwrap());
-        let identity = Identity { me: me(), ledger: LEDGER, run: self.run };
+        let read = self.ledger.iter().map(|entry| LedgerEntry::from_json(&entry.to_json().unwrap()).unwrap());
+        let identity = DispatcherIdentity { me: me(), ledger: LEDGER, run: self.run };
         let dispatcher =
             Dispatcher::recover(self.now_ms, identity, self.settings(), read.collect::<Vec<_>>());
         let mut dispatcher = dispatcher.unwrap();

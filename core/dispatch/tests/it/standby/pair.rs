@@ -7,7 +7,7 @@ pub(crate) use disk::Counts;
 
 use disk::{Disk, Row};
 use std::collections::{BTreeMap, BTreeSet};
-use xtb_dispatch::replication::{Active, Decision, Follow, Follower, Seen, Times};
+use xtb_dispatch::replication::{Active, Follow, Follower, Observed, StandbyDecision, Times};
 use xtb_protocol::Name;
 use xtb_protocol::messages::Witnesses;
 
@@ -423,15 +423,15 @@ impl Pair {
             None => self.is_present(1 - who),
             Some(_) => now_ms < self.ghost_ms[who],
         };
-        let seen = Seen { present: shown, robots: self.visible(who), hears: None };
+        let seen = Observed { present: shown, robots: self.visible(who), hears: None };
         let node = &mut self.nodes[who];
         let Role::Standby { follower, question, ask_ms } = &mut node.role else { return Ok(()) };
         let decision = follower.step(now_ms, &seen);
         let is_own = !node.disk.copied && node.disk.last() > 0 && node.disk.pair(node.disk.last()).is_none();
-        if decision == Decision::Stale && is_own && !shown {
+        if decision == StandbyDecision::Stale && is_own && !shown {
             return self.begin(who, None);
         }
-        if decision == Decision::TakeOver {
+        if decision == StandbyDecision::TakeOver {
             let term = node.disk.term() + 1;
             node.disk.rows.push(Row::Term(term, row_id));
             let follower = follower.clone();

@@ -8,7 +8,7 @@ use crate::geometry::Rect;
 use crate::geometry::path::wrap_rad;
 use crate::navigator::MARGIN_M;
 use crate::planner::space::Space;
-use crate::planner::{Goal, Planner};
+use crate::planner::{Planner, PlannerGoal};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
@@ -41,7 +41,7 @@ impl Search<'_> {
         for pose in self.refuges(&clear) {
             let MapPose { x_m, y_m, yaw_rad } = pose;
             let (tolerance_m, tolerance_rad) = (TOLERANCE_M, TOLERANCE_RAD);
-            let goal = Goal { x_m, y_m, yaw_rad: Some(yaw_rad), tolerance_m, tolerance_rad };
+            let goal = PlannerGoal { x_m, y_m, yaw_rad: Some(yaw_rad), tolerance_m, tolerance_rad };
             if let Ok(path) = self.search(planner, &space, &goal, EXPANSIONS)
                 && self.blind(&path).is_empty()
             {

@@ -12,7 +12,7 @@ use super::search::Search;
 use crate::MapPose;
 use crate::geometry::{Path, Piece};
 use crate::planner::space::{GridSpace, Space};
-use crate::planner::{Goal, Planner};
+use crate::planner::{Planner, PlannerGoal};
 
 /// Between two places at which the body is laid on the map, in m: the usual cell of a map.
 const STEP_M: f64 = 0.05;
@@ -42,14 +42,15 @@ impl Search<'_> {
     ) -> Result<Path, PlanFailure> {
         let barely = self.space(level, &self.seen, unseen)?;
         let space = self.space(&CAUTION_LEVELS[AS_SEEN], &self.seen, unseen)?;
-        let mut again =
-            |from: &MapPose, goal: &Goal| self.search_from(planner, &space, from, goal, EXPANSIONS).ok();
+        let mut again = |from: &MapPose, goal: &PlannerGoal| {
+            self.search_from(planner, &space, from, goal, EXPANSIONS).ok()
+        };
         // It had to be tight where it stands only, or at the goal only, or at both.
         let (start, end) = (path.start, path.end());
         let ends = leaving(&start, &barely, &space).zip(arriving(&end, &barely, &space));
         let ends = ends.filter(|(away, last)| away.length_m() + last.length_m() > 0.0);
         let whole = ends.and_then(|(away, last)| {
-            let to = if last.pieces.is_empty() { self.goal() } else { Goal::exactly(&last.start) };
+            let to = if last.pieces.is_empty() { self.goal() } else { PlannerGoal::exactly(&last.start) };
             Some(away.clone().and(&again(&away.end(), &to)?).and(&last))
         });
         let whole = whole.filter(|whole| self.blind(whole).is_empty());
@@ -59,7 +60,7 @@ impl Search<'_> {
             for pair in roomy(&path, &space).windows(2).take(MOST) {
                 let from_m = (pair[0][1] - AROUND_M).max(pair[0][0]).max(done_m);
                 let to_m = (pair[1][0] + AROUND_M).min(pair[1][1]);
-                if let Some(way) = again(&path.at(from_m).0, &Goal::exactly(&path.at(to_m).0)) {
+                if let Some(way) = again(&path.at(from_m).0, &PlannerGoal::exactly(&path.at(to_m).0)) {
                     better = better.and(&path.tail(done_m).head(from_m - done_m)).and(&way);
                     done_m = to_m;
                 }

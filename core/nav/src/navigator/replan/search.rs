@@ -7,8 +7,8 @@ use crate::geometry::{Car, Path};
 use crate::map::Zones;
 use crate::navigator::visibility::{BODY_STEP_M, blind_points};
 use crate::navigator::{LOOK_OUT_M, RADIUS_FACTOR, TargetPose};
-use crate::planner::space::{GridSpace, Hit, Layers, LookOut};
-use crate::planner::{End, Goal, PlanError, Planner, PlannerSettings};
+use crate::planner::space::{GridLayers, GridSpace, Hit, LookOut};
+use crate::planner::{End, PlanError, Planner, PlannerGoal, PlannerSettings};
 
 /// As if it were a zone: where what is not on the map may go on.
 const UNSEEN_ZONE: &str = "unseen";
@@ -75,9 +75,9 @@ impl Search<'_> {
     }
 
     /// The goal itself.
-    pub(super) fn goal(&self) -> Goal {
+    pub(super) fn goal(&self) -> PlannerGoal {
         let TargetPose { x_m, y_m, yaw_rad } = self.target;
-        Goal { x_m, y_m, yaw_rad, tolerance_m: TOLERANCE_M, tolerance_rad: TOLERANCE_RAD }
+        PlannerGoal { x_m, y_m, yaw_rad, tolerance_m: TOLERANCE_M, tolerance_rad: TOLERANCE_RAD }
     }
 
     pub(super) fn plan_with(
@@ -120,7 +120,7 @@ impl Search<'_> {
                 corners.map(|[east, north]| [x_m + east * half_m, y_m + north * half_m])
             }));
         }
-        let layers = Layers {
+        let layers = GridLayers {
             grid: self.map.map.grid(),
             zones: Some(&zones),
             one_way: self.map.zones.one_way.as_deref(),
@@ -136,7 +136,7 @@ impl Search<'_> {
         &self,
         planner: &mut Planner,
         space: &GridSpace,
-        goal: &Goal,
+        goal: &PlannerGoal,
         expansions: usize,
     ) -> Result<Path, PlanFailure> {
         self.search_from(planner, space, &self.start, goal, expansions)
@@ -148,7 +148,7 @@ impl Search<'_> {
         planner: &mut Planner,
         space: &GridSpace,
         start: &MapPose,
-        goal: &Goal,
+        goal: &PlannerGoal,
         expansions: usize,
     ) -> Result<Path, PlanFailure> {
         let most_expansions =

@@ -215,7 +215,7 @@ mod tests {
     use super::*;
     use crate::geometry::{Car, Grid};
     use crate::obstacle_layer::Sight;
-    use crate::planner::space::{Layers, LookOut};
+    use crate::planner::space::{GridLayers, LookOut};
     use xtb_control::VehicleConfig;
 
     const TIGHT_PER_M: f64 = 2.2;
@@ -234,7 +234,7 @@ mod tests {
 
     fn looks(is_open: &dyn Fn([f64; 2]) -> bool, doubts: &[[f64; 2]]) -> (f64, Vec<SideScan>, f64) {
         let grid = Grid::free(0.05, [-4.0, -4.0], 160, 160).unwrap();
-        let layers = Layers { grid: &grid, zones: None, one_way: None, local_m: &[] };
+        let layers = GridLayers { grid: &grid, zones: None, one_way: None, local_m: &[] };
         let planned = Car { radius_m: 1.0 / TIGHT_PER_M, ..car() };
         let space = GridSpace::new(&layers, planned, LookOut { ahead_m: 0.3, half_width_m: 0.2 }).unwrap();
         let (car, path) = (car(), bend());

@@ -9,7 +9,7 @@ use crate::geometry::{Cell, Path, apart_m};
 use crate::navigator::MARGIN_M;
 use crate::obstacle_layer::SURE_WITHIN_M;
 use crate::planner::space::Space;
-use crate::planner::{Goal, Planner};
+use crate::planner::{Planner, PlannerGoal};
 use std::f64::consts::{PI, TAU};
 
 /// What a search for a place to look from may cost, about 0.05 s on a small computer; chosen, not measured.
@@ -54,7 +54,7 @@ impl Search<'_> {
                 places.iter().filter(|place| place.0 < f64::MAX).take(PLACES).find_map(|(_, pose)| {
                     let MapPose { x_m, y_m, yaw_rad } = *pose;
                     let (tolerance_m, tolerance_rad) = (TOLERANCE_M, TOLERANCE_RAD);
-                    let goal = Goal { x_m, y_m, yaw_rad: Some(yaw_rad), tolerance_m, tolerance_rad };
+                    let goal = PlannerGoal { x_m, y_m, yaw_rad: Some(yaw_rad), tolerance_m, tolerance_rad };
                     let path = self.search(planner, &space, &goal, EXPANSIONS).ok()?;
                     self.blind(&path).is_empty().then_some(path)
                 })

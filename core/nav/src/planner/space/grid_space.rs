@@ -5,7 +5,7 @@
 
 use super::layer::{FREE, Layer};
 use super::sweep::{Frame, Plate, ROUNDING_M, clear, touch};
-use super::{Bounds, Hit, OneWay, Space, What};
+use super::{Bounds, Hit, Obstruction, OneWay, Space};
 use crate::MapPose;
 use crate::geometry::rect::INFRARED_STOPS_M;
 use crate::geometry::{Car, Cell, Clearance, Grid, Piece};
@@ -34,7 +34,7 @@ impl LookOut {
 
 /// What a world is made of, each on the cells of the grid.
 #[derive(Debug, Clone, Copy)]
-pub struct Layers<'a> {
+pub struct GridLayers<'a> {
     /// The map.
     pub grid: &'a Grid,
     /// Keep-out zones.
@@ -45,7 +45,7 @@ pub struct Layers<'a> {
     pub local_m: &'a [[f64; 2]],
 }
 
-impl<'a> Layers<'a> {
+impl<'a> GridLayers<'a> {
     /// The map alone.
     #[must_use]
     pub fn map(grid: &'a Grid) -> Self {
@@ -100,7 +100,7 @@ impl GridSpace {
     ///
     /// # Errors
     /// If a layer does not belong to the grid.
-    pub fn new(layers: &Layers<'_>, car: Car, look_out: LookOut) -> Result<Self, LayersError> {
+    pub fn new(layers: &GridLayers<'_>, car: Car, look_out: LookOut) -> Result<Self, LayersError> {
         let wanted = layers.grid.cells().len();
         if let Some(cells) = layers.zones.map(|zones| zones.cells.len()).filter(|&cells| cells != wanted) {
             return Err(LayersError::Cells { layer: "zone", cells, wanted });
@@ -178,14 +178,14 @@ impl GridSpace {
         self.one_way.as_ref()?.against(from, piece)
     }
 
-    fn what(&self, cell: u16) -> What {
+    fn what(&self, cell: u16) -> Obstruction {
         match cell {
-            WALL => What::Wall,
-            UNKNOWN => What::Unknown,
-            LOCAL => What::Local,
+            WALL => Obstruction::Wall,
+            UNKNOWN => Obstruction::Unknown,
+            LOCAL => Obstruction::Local,
             zone => {
                 let name = self.zones.get(usize::from(zone.saturating_sub(FIRST_ZONE)));
-                What::KeepOut(name.cloned().unwrap_or_default())
+                Obstruction::KeepOut(name.cloned().unwrap_or_default())
             }
         }
     }
@@ -194,7 +194,8 @@ impl GridSpace {
     fn hit(&self, layer: &Layer, at: &Frame, plate: &Plate) -> Option<Hit> {
         let (column, row) = layer.touched(at, plate)?;
         let centre = |origin: f64, n: i64| origin + (n as f64 + 0.5) * layer.resolution_m;
-        let what = layer.index((column, row)).map_or(What::Edge, |index| self.what(layer.cells[index]));
+        let what =
+            layer.index((column, row)).map_or(Obstruction::Edge, |index| self.what(layer.cells[index]));
         Some(Hit { x_m: centre(layer.origin_m[0], column), y_m: centre(layer.origin_m[1], row), what })
     }
 }
@@ -238,7 +239,7 @@ impl Space for GridSpace {
 
     fn driving(&self, from: &MapPose, piece: &Piece) -> Option<Hit> {
         if !self.car.gears.allow(piece.length_m) {
-            return Some(Hit { x_m: from.x_m, y_m: from.y_m, what: What::Unseen });
+            return Some(Hit { x_m: from.x_m, y_m: from.y_m, what: Obstruction::Unseen });
         }
         let frame = Frame::of(from);
         if let Some((plate, layer, way_m)) = self.touch(&frame, piece) {
@@ -249,7 +250,7 @@ impl Space for GridSpace {
                 .or_else(|| self.hit(layer, &at, &plate.grown(margin_m, piece.curvature_per_m)));
         }
         let [x_m, y_m] = self.against(from, piece)?;
-        Some(Hit { x_m, y_m, what: What::OneWay })
+        Some(Hit { x_m, y_m, what: Obstruction::OneWay })
     }
 
     fn lets_drive_on(&self, pose: &MapPose) -> bool {
@@ -266,7 +267,7 @@ impl Space for GridSpace {
 }
 
 /// Map and local obstacles, cell by cell.
-fn things(layers: &Layers<'_>) -> Vec<u16> {
+fn things(layers: &GridLayers<'_>) -> Vec<u16> {
     let grid = layers.grid;
     let known = |cell: &Cell| match cell {
         Cell::Free => FREE,

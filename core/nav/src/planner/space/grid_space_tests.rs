@@ -34,7 +34,7 @@ fn scattered(cells: i64, boxes: usize, random: &mut Random) -> Grid {
 }
 
 fn on(grid: &Grid) -> GridSpace {
-    GridSpace::new(&Layers::map(grid), CAR, LookOut::OFF).unwrap()
+    GridSpace::new(&GridLayers::map(grid), CAR, LookOut::OFF).unwrap()
 }
 
 /// Corners of a rectangle ahead and left of a pose.
@@ -101,7 +101,7 @@ fn nothing_slips_through_between_samples_and_little_is_refused_for_nothing() {
         let grid = scattered(40, 6, &mut random);
         let look_out =
             if round % 2 == 0 { LookOut::OFF } else { LookOut { ahead_m: 0.28, half_width_m: 0.17 } };
-        let space = GridSpace::new(&Layers::map(&grid), CAR, look_out).unwrap();
+        let space = GridSpace::new(&GridLayers::map(&grid), CAR, look_out).unwrap();
         for _ in 0..20 {
             let from = random.pose(2.0);
             let curvature_per_m = [0.0, 1.0 / 0.393, -1.0 / 0.393, 0.9][random.uniform(0.0, 4.0) as usize];
@@ -140,7 +140,7 @@ fn a_post_between_two_samples_is_seen() {
     let piece = Piece { length_m: 1.6, curvature_per_m: 0.0 };
     assert!(space.standing(&from).is_none() && space.standing(&piece.end(&from)).is_none());
     let hit = space.driving(&from, &piece).unwrap();
-    assert_eq!(hit.what, What::Wall);
+    assert_eq!(hit.what, Obstruction::Wall);
     assert!(libm::hypot(hit.x_m - 2.01, hit.y_m - 1.01) < 0.03, "{hit}");
 }
 
@@ -148,7 +148,7 @@ fn a_post_between_two_samples_is_seen() {
 fn the_strip_counts_in_the_gear_that_is_driven() {
     let mut grid = Grid::free(0.05, [0.0, 0.0], 80, 40).unwrap();
     (0..40).for_each(|row| grid.set(40, row, Cell::Occupied)); // from x = 2.00 m
-    let space = GridSpace::new(&Layers::map(&grid), CAR, LookOut::TRUCK).unwrap();
+    let space = GridSpace::new(&GridLayers::map(&grid), CAR, LookOut::TRUCK).unwrap();
     let drive = |x_m: f64, yaw_rad: f64, length_m: f64| {
         let from = MapPose { x_m, y_m: 1.0, yaw_rad };
         space.drives(&from, &Piece { length_m, curvature_per_m: 0.0 })
@@ -169,17 +169,17 @@ fn zones_keep_the_body_out_but_not_the_sensors() {
     let grid = Grid::free(0.05, [0.0, 0.0], 80, 40).unwrap();
     let cells = (0..80 * 40).map(|index| if index % 80 >= 40 { 2 } else { 0 }).collect();
     let zones = Zones { names: vec!["dock".into(), "lab".into()], cells };
-    let layers = Layers { zones: Some(&zones), ..Layers::map(&grid) };
+    let layers = GridLayers { zones: Some(&zones), ..GridLayers::map(&grid) };
     let space = GridSpace::new(&layers, CAR, LookOut::TRUCK).unwrap();
     let at = |x_m: f64| MapPose { x_m, y_m: 1.0, yaw_rad: 0.0 };
-    assert_eq!(space.standing(&at(1.8)).unwrap().what, What::KeepOut("lab".into()));
+    assert_eq!(space.standing(&at(1.8)).unwrap().what, Obstruction::KeepOut("lab".into()));
     assert!(space.drives(&at(1.0), &Piece { length_m: 0.7, curvature_per_m: 0.0 }));
     assert!(!space.drives(&at(1.0), &Piece { length_m: 0.8, curvature_per_m: 0.0 }));
     let unnamed = Zones { names: vec!["dock".into()], ..zones.clone() };
-    let layers = Layers { zones: Some(&unnamed), ..layers };
+    let layers = GridLayers { zones: Some(&unnamed), ..layers };
     assert_eq!(GridSpace::new(&layers, CAR, LookOut::OFF).unwrap_err(), LayersError::Unnamed(2));
     let short = Zones { cells: vec![0; 7], ..zones.clone() };
-    let layers = Layers { zones: Some(&short), ..layers };
+    let layers = GridLayers { zones: Some(&short), ..layers };
     assert!(GridSpace::new(&layers, CAR, LookOut::OFF).unwrap_err().to_string().contains("7 cells"));
 }
 
@@ -187,15 +187,15 @@ fn zones_keep_the_body_out_but_not_the_sensors() {
 fn one_way_zones_are_driven_along_whichever_end_is_ahead() {
     let grid = Grid::free(0.05, [0.0, 0.0], 80, 40).unwrap();
     let east = vec![Some(0.0); 80 * 40];
-    let layers = Layers { one_way: Some(&east), ..Layers::map(&grid) };
+    let layers = GridLayers { one_way: Some(&east), ..GridLayers::map(&grid) };
     let space = GridSpace::new(&layers, CAR, LookOut::OFF).unwrap();
     let drive = |yaw_rad, length_m, curvature_per_m| {
         space.driving(&MapPose { x_m: 2.0, y_m: 1.0, yaw_rad }, &Piece { length_m, curvature_per_m })
     };
     assert_eq!(drive(0.0, 0.5, 0.0), None);
     assert_eq!(drive(PI, -0.5, 0.0), None);
-    assert_eq!(drive(0.0, -0.5, 0.0).unwrap().what, What::OneWay);
-    assert_eq!(drive(PI, 0.5, 0.0).unwrap().what, What::OneWay);
+    assert_eq!(drive(0.0, -0.5, 0.0).unwrap().what, Obstruction::OneWay);
+    assert_eq!(drive(PI, 0.5, 0.0).unwrap().what, Obstruction::OneWay);
     let drives_on = |yaw_rad| space.lets_drive_on(&MapPose { x_m: 2.0, y_m: 1.0, yaw_rad });
     assert!(drives_on(0.7) && drives_on(-2.5) && !drives_on(1.0) && !drives_on(-FRAC_PI_2));
     // A quarter turn is the most.
@@ -207,13 +207,13 @@ fn one_way_zones_are_driven_along_whichever_end_is_ahead() {
 fn things_are_named_by_what_they_are() {
     let mut grid = Grid::free(0.05, [0.0, 0.0], 80, 80).unwrap();
     grid.set(60, 60, Cell::Unknown);
-    let layers = Layers { local_m: &[[1.01, 1.01], [-4.0, 0.0]], ..Layers::map(&grid) };
+    let layers = GridLayers { local_m: &[[1.01, 1.01], [-4.0, 0.0]], ..GridLayers::map(&grid) };
     let space = GridSpace::new(&layers, CAR, LookOut::OFF).unwrap();
     let what = |x_m, y_m| space.standing(&MapPose { x_m, y_m, yaw_rad: 0.0 }).map(|hit| hit.what);
-    assert_eq!(what(1.0, 1.0), Some(What::Local));
-    assert_eq!(what(3.0, 3.0), Some(What::Unknown));
-    assert_eq!(what(0.1, 2.0), Some(What::Edge));
-    assert_eq!(what(9.0, 9.0), Some(What::Edge));
+    assert_eq!(what(1.0, 1.0), Some(Obstruction::Local));
+    assert_eq!(what(3.0, 3.0), Some(Obstruction::Unknown));
+    assert_eq!(what(0.1, 2.0), Some(Obstruction::Edge));
+    assert_eq!(what(9.0, 9.0), Some(Obstruction::Edge));
     assert_eq!(what(2.0, 2.0), None);
     let hit = space.standing(&MapPose { x_m: 1.0, y_m: 1.0, yaw_rad: 0.0 }).unwrap();
     assert_eq!(hit.to_string(), "an unmapped obstacle at (1.03, 1.03)");

@@ -5,7 +5,7 @@ use crate::fleet::well_known::{
     ArrowPrimitive, Color, KeyValuePair, LinePrimitive, Point3, Pose, SceneEntity, SolidPrimitive, Span,
     TextPrimitive, Vector3,
 };
-use xtb_client::scene::Body;
+use xtb_client::scene::CarBody;
 use xtb_client::text::reasons;
 use xtb_nav::Path;
 use xtb_protocol::Name;
@@ -48,7 +48,7 @@ pub(super) fn sight_id(name: &Name) -> String {
 }
 
 /// A box with an arrow ahead, its name, and why it stands.
-pub(super) fn truck(at: Time, name: &Name, body: &Body, state: &RobotState) -> SceneEntity {
+pub(super) fn truck(at: Time, name: &Name, body: &CarBody, state: &RobotState) -> SceneEntity {
     let PoseState { x_m, y_m, yaw_rad, .. } = state.pose;
     let (sin, cos) = yaw_rad.sin_cos();
     let color = match () {
@@ -112,7 +112,13 @@ fn stretch(path: &Path, from_m: f64, to_m: f64) -> Vec<Point3> {
 }
 
 /// A short stroke across the beam of each range finder that sees something.
-pub(super) fn sight(at: Time, name: &Name, body: &Body, pose: &PoseState, sensors: &Sensors) -> SceneEntity {
+pub(super) fn sight(
+    at: Time,
+    name: &Name,
+    body: &CarBody,
+    pose: &PoseState,
+    sensors: &Sensors,
+) -> SceneEntity {
     let (sin, cos) = pose.yaw_rad.sin_cos();
     let place = |(ahead_m, left_m): (f64, f64)| Point3 {
         x: pose.x_m + ahead_m * cos - left_m * sin,

@@ -1,7 +1,7 @@
 //! Files: how they follow each other, and what is left of one that was never finished.
 
 use super::*;
-use crate::fleet::reader::{self, Reader};
+use crate::fleet::reader::{self, RecordingReader};
 use xtb_client::subscription::Item;
 
 fn settings(path: &Path) -> McapSettings {
@@ -19,7 +19,7 @@ fn alive(robot: u32) -> Item {
 }
 
 fn count(path: &Path) -> (u64, Option<String>) {
-    let mut reader = Reader::open(path).unwrap();
+    let mut reader = RecordingReader::open(path).unwrap();
     let mut messages = 0;
     while let Some(message) = reader.next_message().unwrap() {
         messages += u64::from(message.schema == "xtb.Alive");
@@ -90,14 +90,14 @@ fn what_was_flushed_is_read_from_a_file_that_was_never_finished() {
     let mut recorder = Recorder::default();
     let mut tape = McapWriter::create(settings(&path), 0).unwrap();
     tape.write(recorder.take(5, &alive(1))).unwrap();
-    let counts = Counts { dropped: 3, ..recorder.counts() };
+    let counts = RecordingCounts { dropped: 3, ..recorder.counts() };
     tape.flush(&mut recorder, counts, 6).unwrap();
     tape.write(recorder.take(7, &alive(2))).unwrap();
     let left = folder.path().join("left.mcap");
     std::fs::copy(&path, &left).unwrap();
     assert!(matches!(count(&left), (1, Some(_))), "{:?}", count(&left));
     assert_eq!(reader::span(&left).unwrap().began_ns, 5);
-    let mut reader = Reader::open(&left).unwrap();
+    let mut reader = RecordingReader::open(&left).unwrap();
     while reader.next_message().unwrap().is_some() {}
     assert_eq!((reader.fleet(), &*reader.metadata(COUNTS).unwrap()["dropped"]), (Some("lab"), "3"));
 }

@@ -30,13 +30,13 @@ fn map() -> Item {
 }
 
 /// Topics that were made known, and messages as (topic, sequence, JSON).
-fn told(records: &[Record]) -> (Vec<String>, Vec<(u16, u32, serde_json::Value)>) {
+fn told(records: &[FileRecord]) -> (Vec<String>, Vec<(u16, u32, serde_json::Value)>) {
     let mut topics = Vec::new();
     let mut messages = Vec::new();
     for record in records {
         match record {
-            Record::Topic { name, .. } => topics.push(name.clone()),
-            Record::Message { topic, sequence, data, .. } => {
+            FileRecord::Topic { name, .. } => topics.push(name.clone()),
+            FileRecord::Message { topic, sequence, data, .. } => {
                 messages.push((*topic, *sequence, serde_json::from_slice(data).unwrap()));
             }
         }
@@ -76,7 +76,7 @@ fn what_is_none_of_ours_is_counted_and_left_out() {
     let broken = Incoming { key: "xtb/lab/xtb-1/state".into(), ..foreign.clone() };
     assert_eq!(recorder.take(0, &Item::Message(foreign)), []);
     assert_eq!(recorder.take(0, &Item::Message(broken)), []);
-    assert_eq!(recorder.counts(), Counts { unreadable: 2, ..Counts::default() });
+    assert_eq!(recorder.counts(), RecordingCounts { unreadable: 2, ..RecordingCounts::default() });
 }
 
 #[test]

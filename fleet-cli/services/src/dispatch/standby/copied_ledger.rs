@@ -5,14 +5,14 @@ use crate::ledger::{Ledger, MAX_SNAPSHOT_BYTES};
 use std::path::{Path, PathBuf};
 use xtb_client::{Error, ErrorKind, Result};
 use xtb_dispatch::task_store::record::VERSION;
-use xtb_dispatch::{Entry, Record, Settings, TaskStore};
+use xtb_dispatch::{DispatcherSettings, LedgerEntry, Record, TaskStore};
 use xtb_protocol::messages::{CopiedRecord, StandbyReply, StandbyRequest};
 use xtb_protocol::{Name, Uuid};
 
 /// The copy, held by this process.
 pub(super) struct CopiedLedger {
     fleet: Name,
-    ledger: Ledger<Entry>,
+    ledger: Ledger<LedgerEntry>,
     book: TaskStore,
     id: u64,
     /// All of its records came from a dispatcher that it followed.
@@ -25,7 +25,7 @@ impl CopiedLedger {
     /// A ledger that is held, and becomes a copy with the first records that it gets.
     pub(super) fn new(store: Store, fleet: Name) -> Result<Self> {
         let Store { ledger, entries, copy, .. } = store;
-        let read = TaskStore::replay(Settings::default().keep_ended, entries);
+        let read = TaskStore::replay(DispatcherSettings::default().keep_ended, entries);
         let book = read.map_err(|error| unreadable(ledger.path(), &error))?;
         let id = copy.unwrap_or_else(|| (Uuid::new_v4().as_u128() >> 80) as u64);
         let copied = copy.is_some() || ledger.last_seq() == 0;
@@ -87,9 +87,9 @@ impl CopiedLedger {
         let Self { fleet, ledger, id, .. } = self;
         let path = ledger.path().to_owned();
         drop(ledger);
-        let (mut ledger, aside) = Ledger::<Entry>::begin_anew(&path, fleet.as_str(), wall_ms())?;
+        let (mut ledger, aside) = Ledger::<LedgerEntry>::begin_anew(&path, fleet.as_str(), wall_ms())?;
         ledger.set_copy_id(Some(id))?;
-        let book = TaskStore::new(Settings::default().keep_ended);
+        let book = TaskStore::new(DispatcherSettings::default().keep_ended);
         Ok((Self { fleet, ledger, book, id, copied: true, begun: (0, String::new()) }, aside))
     }
 
@@ -123,7 +123,7 @@ impl CopiedLedger {
 
     fn apply(&mut self, record: &CopiedRecord) -> Result<()> {
         let wrong = |what: &str| wrong(self.ledger.path(), record.seq, what);
-        let entry = Entry::from_json(&record.body).map_err(|error| wrong(&error.to_string()))?;
+        let entry = LedgerEntry::from_json(&record.body).map_err(|error| wrong(&error.to_string()))?;
         // SQLite's numbers have a sign.
         let is_it = entry.n == record.seq && i64::try_from(entry.n).is_ok();
         if !is_it || matches!(entry.record, Record::Snapshot(_)) != record.snapshot {
@@ -136,7 +136,7 @@ impl CopiedLedger {
     pub(super) fn into_store(self) -> Store {
         let n = self.book.next_n() - 1;
         let record = Record::Snapshot(Box::new(self.book));
-        let entries = vec![Entry { v: VERSION, n, at_ms: wall_ms(), record }];
+        let entries = vec![LedgerEntry { v: VERSION, n, at_ms: wall_ms(), record }];
         let copy = self.copied.then_some(self.id);
         Store { ledger: self.ledger, entries, created: false, set_aside: None, copy }
     }
@@ -151,18 +151,18 @@ fn wrong(path: &Path, seq: u64, what: &str) -> Error {
 mod tests {
     use super::super::super::store::Scratch;
     use super::*;
-    use crate::ledger::Reader;
+    use crate::ledger::LedgerReader;
 
     fn fleet() -> Name {
         Name::new("lab").unwrap()
     }
 
-    fn entry(n: u64, record: Record) -> Entry {
-        Entry { v: record.version(), n, at_ms: 5, record }
+    fn entry(n: u64, record: Record) -> LedgerEntry {
+        LedgerEntry { v: record.version(), n, at_ms: 5, record }
     }
 
     /// Copies all that follows, `most` bytes at a time.
-    fn follow(reader: &Reader, copy: &mut CopiedLedger, most: usize) {
+    fn follow(reader: &LedgerReader, copy: &mut CopiedLedger, most: usize) {
         loop {
             let StandbyRequest::Follow { last, sum, offset, .. } = copy.question(0).unwrap() else {
                 panic!()
@@ -182,9 +182,9 @@ mod tests {
         let hash = "0123456789abcdef".parse().unwrap();
         let map = Record::Map { name: "lab".into(), hash };
         let records = [Record::Opened { ledger: 7 }, map, Record::Pair { copy: Some(9) }];
-        let entries: Vec<Entry> = (1..).zip(records).map(|(n, record)| entry(n, record)).collect();
+        let entries: Vec<LedgerEntry> = (1..).zip(records).map(|(n, record)| entry(n, record)).collect();
         active.ledger.append(&entries).unwrap();
-        let reader = Reader::open(own.path()).unwrap();
+        let reader = LedgerReader::open(own.path()).unwrap();
         for most in [10, 1 << 20] {
             let store = Store::open(other.path(), &fleet()).unwrap();
             let mut copy = CopiedLedger::new(store, fleet()).unwrap();

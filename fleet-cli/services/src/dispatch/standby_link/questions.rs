@@ -2,7 +2,7 @@
 
 use super::super::CLIENT;
 use super::{Holds, Input, Parked, ReadFor, StandbyLink};
-use crate::ledger::History;
+use crate::ledger::CopyStanding;
 use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 use xtb_bus::Question;
@@ -81,9 +81,9 @@ impl StandbyLink {
         }
         let is_ours = is_ledger
             && match history {
-                History::Same => true,
-                History::Replaced => holds.copied,
-                History::Other => false,
+                CopyStanding::Same => true,
+                CopyStanding::Replaced => holds.copied,
+                CopyStanding::Other => false,
             };
         let (copy, last, store) = (holds.follow.copy, holds.follow.last, dispatcher.store());
         let is_of_this_term = store.ledger() == Some(holds.ledger) && store.term() == holds.term;

@@ -77,14 +77,14 @@ fn a_damaged_one_and_one_that_is_gone_do_not_keep_it_from_beginning() {
 fn what_is_held_another_fleets_or_no_ledger_is_not_moved() {
     let place = Place::filled(1);
     let held = place.open().unwrap();
-    assert!(matches!(anew(&place).unwrap_err().fault, Fault::Held { .. }));
+    assert!(matches!(anew(&place).unwrap_err().fault, LedgerFault::Held { .. }));
     drop(held);
     let other = Ledger::<Value>::begin_anew(&place.path(), "barn", NOW_MS).unwrap_err();
-    assert!(matches!(other.fault, Fault::OtherFleet { .. }), "{other}");
+    assert!(matches!(other.fault, LedgerFault::OtherFleet { .. }), "{other}");
     assert_eq!(records(place.open().unwrap().1), tasks(1));
     let letter = Place::new();
     fs::write(letter.path(), "Dear Sir or Madam, ".repeat(20)).unwrap();
-    assert!(matches!(anew(&letter).unwrap_err().fault, Fault::NotALedger { .. }));
+    assert!(matches!(anew(&letter).unwrap_err().fault, LedgerFault::NotALedger { .. }));
     assert!(fs::read_to_string(letter.path()).unwrap().starts_with("Dear"));
 }
 
@@ -93,7 +93,7 @@ fn what_is_held_another_fleets_or_no_ledger_is_not_moved() {
 fn a_kill_in_between_loses_nothing() {
     let place = Place::filled(2);
     fs::rename(place.path(), place.beside(".moved")).unwrap();
-    assert!(matches!(place.fault(), Fault::Gone { acknowledged: 2 }));
+    assert!(matches!(place.fault(), LedgerFault::Gone { acknowledged: 2 }));
     assert!(anew(&place).is_ok());
     assert_eq!(place.open().unwrap().0.last_seq(), 0);
 }

@@ -40,7 +40,7 @@ impl Remains {
         place
     }
 
-    fn opened(&self, marked: bool) -> Result<Vec<Value>, Fault> {
+    fn opened(&self, marked: bool) -> Result<Vec<Value>, LedgerFault> {
         let place = self.put(marked);
         place.open().map(|(_, recovered)| records(recovered)).map_err(|error| error.fault)
     }
@@ -57,8 +57,8 @@ impl Remains {
     }
 }
 
-fn is_typed(fault: &Fault) -> bool {
-    matches!(fault, Fault::Damaged(_) | Fault::NotALedger { .. } | Fault::Newer { .. })
+fn is_typed(fault: &LedgerFault) -> bool {
+    matches!(fault, LedgerFault::Damaged(_) | LedgerFault::NotALedger { .. } | LedgerFault::Newer { .. })
 }
 
 #[test]
@@ -80,7 +80,10 @@ fn a_log_cut_anywhere_keeps_what_was_acknowledged_before_the_cut() {
         if there < COMMITS {
             let lost = Damage::Lost { acknowledged: COMMITS, found: there };
             let fault = remains.opened(true).unwrap_err();
-            assert!(matches!(&fault, Fault::Damaged(damage) if *damage == lost), "cut at {cut}: {fault}");
+            assert!(
+                matches!(&fault, LedgerFault::Damaged(damage) if *damage == lost),
+                "cut at {cut}: {fault}"
+            );
         }
     }
 }
@@ -216,7 +219,7 @@ fn a_bit_flipped_anywhere_in_the_file_never_loses_a_record_silently() {
             Ok(found) => assert_eq!(found, tasks(60), "bit at {at}"),
             Err(fault) => {
                 noticed += 1;
-                let other = matches!(&fault, Fault::OtherFleet { .. } | Fault::Sqlite { .. });
+                let other = matches!(&fault, LedgerFault::OtherFleet { .. } | LedgerFault::Sqlite { .. });
                 assert!(is_typed(&fault) || other, "bit at {at}: {fault}");
             }
         }
@@ -235,7 +238,7 @@ fn of_a_damaged_file_the_rest_is_read() {
     let reading = read(&place.path()).unwrap();
     assert_eq!(reading.damage, [Damage::Record { seq: 250 }]);
     assert_eq!(reading.rows.len(), 500);
-    assert!(matches!(place.fault(), Fault::Damaged(Damage::Record { seq: 250 })));
+    assert!(matches!(place.fault(), LedgerFault::Damaged(Damage::Record { seq: 250 })));
     // The page's own structure as well: what is on other pages is still read, from both ends.
     let page = at / 4096 * 4096;
     file[page..page + 8].fill(0xff);

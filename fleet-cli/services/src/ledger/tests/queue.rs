@@ -2,8 +2,8 @@
 
 use super::*;
 
-fn started(place: &Place, queue: usize) -> Writer {
-    Writer::start(place.open().unwrap().0, queue).unwrap()
+fn started(place: &Place, queue: usize) -> LedgerWriter {
+    LedgerWriter::start(place.open().unwrap().0, queue).unwrap()
 }
 
 /// A ledger of which nothing more than a few pages fits on its disk.
@@ -27,7 +27,7 @@ fn large(n: u64) -> Value {
 fn submissions_are_answered_in_order_and_are_there() {
     let place = Place::new();
     let writer = started(&place, QUEUE);
-    let tickets: Vec<Ticket> = (1..=200).map(|n| writer.submit(&[task(n)]).unwrap()).collect();
+    let tickets: Vec<PendingWrite> = (1..=200).map(|n| writer.submit(&[task(n)]).unwrap()).collect();
     let answers: Vec<u64> =
         tickets.into_iter().map(|ticket| ticket.blocking_recv().unwrap().unwrap()).collect();
     assert_eq!(answers, (1..=200).collect::<Vec<u64>>());
@@ -70,7 +70,7 @@ fn a_queue_that_is_full_refuses_and_counts() {
     // Somebody else in the file's way: commits wait, and so does the queue.
     let other = Connection::open(place.path()).unwrap();
     other.execute_batch("BEGIN IMMEDIATE").unwrap();
-    let writer = Writer::start(ledger, 4).unwrap();
+    let writer = LedgerWriter::start(ledger, 4).unwrap();
     let mut tickets = Vec::new();
     let refused = (1..=100).find_map(|_| match writer.submit(&[task(tickets.len() as u64 + 1)]) {
         Ok(ticket) => {
@@ -101,7 +101,7 @@ fn a_full_disk_is_said_and_the_ledger_goes_on_when_there_is_room() {
             Err(error) => break error,
         }
     };
-    assert!(matches!(error.fault, Fault::Full { .. }), "{error}");
+    assert!(matches!(error.fault, LedgerFault::Full { .. }), "{error}");
     assert!(error.hint().contains("free disk space"));
     // Half a group is nothing.
     ledger.append(&[task(0), large(0), large(0), large(0), large(0)]).unwrap_err();
@@ -117,10 +117,10 @@ fn a_full_disk_is_said_and_the_ledger_goes_on_when_there_is_room() {
 #[test]
 fn nothing_is_written_behind_a_failure_until_the_owner_knows() {
     let place = Place::filled(1);
-    let writer = Writer::start(crowded(&place), QUEUE).unwrap();
+    let writer = LedgerWriter::start(crowded(&place), QUEUE).unwrap();
     let too_much: Vec<Value> = (0..20).map(large).collect();
     let failed = writer.submit(&too_much).unwrap().blocking_recv().unwrap().unwrap_err();
-    assert!(matches!(failed.error.fault, Fault::Full { .. }) && !failed.behind);
+    assert!(matches!(failed.error.fault, LedgerFault::Full { .. }) && !failed.behind);
     let behind = writer.submit(&[task(2)]).unwrap().blocking_recv().unwrap().unwrap_err();
     assert!(behind.behind && behind.failure == failed.failure);
     writer.resume(&failed).unwrap();

@@ -3,7 +3,7 @@
 use super::*;
 use std::future::pending;
 use std::pin::pin;
-use xtb_client::fake::{FakeDispatcher, Told, task};
+use xtb_client::fake::{FakeDispatcher, FakeDispatcherState, task};
 use xtb_protocol::messages::{DispatchCode, DispatchError, DispatchOutcome, TaskChange};
 
 const ID: TaskId = TaskId::new(1);
@@ -11,7 +11,8 @@ const ID: TaskId = TaskId::new(1);
 async fn with(tasks: Vec<TaskView>) -> (Client, Context, FakeDispatcher) {
     let client = Client::alone(Duration::from_secs(30)).await;
     let ctx = Context::of(&client);
-    let fake = FakeDispatcher::start(&client, Told { tasks, ..Told::default() }).await;
+    let fake =
+        FakeDispatcher::start(&client, FakeDispatcherState { tasks, ..FakeDispatcherState::default() }).await;
     (client, ctx, fake)
 }
 

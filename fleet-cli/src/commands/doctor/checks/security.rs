@@ -202,7 +202,7 @@ mod tests {
     use super::*;
     use std::time::UNIX_EPOCH;
     use xtb_client::fake::name;
-    use xtb_identity::{Entry, Role, Router};
+    use xtb_identity::{RegistryEntry, Role, Router};
 
     fn at(days: u64) -> SystemTime {
         UNIX_EPOCH + Duration::from_secs((20_000 + days) * 24 * 3600)
@@ -245,7 +245,8 @@ mod tests {
         let mut registry = Registry::new(name("lab"), router);
         for (who, days, revoked) in [("alice", 300, false), ("bob", 29, false), ("carol", 5, true)] {
             let (role, expires) = (Role::Operator, at(days));
-            let entry = Entry { name: name(who), role, generation: 1, expires, revoked, token_sha256: None };
+            let entry =
+                RegistryEntry { name: name(who), role, generation: 1, expires, revoked, token_sha256: None };
             registry.add(entry).unwrap();
         }
         let of = |now| Security { now, registry: Some(Ok(registry.clone())), ..nothing() };

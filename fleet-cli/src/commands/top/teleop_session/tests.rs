@@ -4,7 +4,7 @@ use super::*;
 use xtb_client::fake::{FakeRobot, name};
 use xtb_protocol::messages::{Body, Setpoint};
 
-const AHEAD: Drive = Drive { throttle: 1.0, steering: 0.0 };
+const AHEAD: StickPosition = StickPosition { throttle: 1.0, steering: 0.0 };
 
 async fn setpoints(
     client: &Client,

@@ -235,13 +235,13 @@ fn the_wheel_is_held_to_run() {
     assert_eq!(cockpit.drive(NOW), None, "watching is not commanding");
     press(&mut cockpit, &scene, KeyCode::Up);
     press(&mut cockpit, &scene, KeyCode::Left);
-    assert_eq!(cockpit.drive(NOW), Some(Drive { throttle: 1.0, steering: -1.0 }));
+    assert_eq!(cockpit.drive(NOW), Some(StickPosition { throttle: 1.0, steering: -1.0 }));
     let shown = screen(&mut cockpit, &scene, 80, 24);
     assert!(shown[0].contains("DRIVING xtb-1: 20 rpm, steering -1.00"), "{}", shown[0]);
     for code in [KeyCode::Up, KeyCode::Left] {
         cockpit.input(&typed(code, KeyEventKind::Release), &scene, NOW);
     }
-    assert_eq!(cockpit.drive(NOW), Some(Drive::default()));
+    assert_eq!(cockpit.drive(NOW), Some(StickPosition::default()));
     assert_eq!(cockpit.drive(NOW + 1_000), None);
 }
 

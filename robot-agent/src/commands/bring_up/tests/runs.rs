@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::commands::bring_up::simulated;
-use robot_agent::config::Layers;
+use robot_agent::config::SettingLayers;
 use xtb_sim::faults::{DriveFault, EncoderFault, RangeFinderFault, SensorFaults};
 
 const SETTINGS: &str = "[hardware]\nkind = \"simulated\"\nseed = 5\n";
@@ -16,7 +16,7 @@ fn bring_up(settings: &str, breaks: impl FnOnce(&mut xtb_sim::Truck) + Send + 's
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("robot.toml");
     std::fs::write(&config, settings).unwrap();
-    let mut layers = Layers::default();
+    let mut layers = SettingLayers::default();
     layers.file("robot.toml", settings).unwrap();
     let file = layers.finish().unwrap();
     let session = Session::new(file.vehicle.clone(), report(&file.vehicle), steps(&file.vehicle), 10.0);

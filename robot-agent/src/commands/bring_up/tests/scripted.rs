@@ -6,7 +6,7 @@ use crate::commands::bring_up::plan::Stick;
 use crate::commands::bring_up::session::Event;
 use std::collections::BTreeSet;
 use xtb_control::VehicleConfig;
-use xtb_control::calibration::Kind;
+use xtb_control::calibration::ActuatorKind;
 use xtb_control::vehicle::SLOTS;
 use xtb_sim::rng::Rng;
 
@@ -66,7 +66,7 @@ impl Fake {
         self.moved += 1;
         match motion {
             // Its own sensor tells.
-            Motion::Servo(actuator) if matches!(actuator.kind(), Kind::Piston(_)) => {
+            Motion::Servo(actuator) if matches!(actuator.kind(), ActuatorKind::Piston(_)) => {
                 self.does(&format!("servo-{actuator}"))
             }
             _ => Ok(String::new()),
@@ -212,7 +212,9 @@ impl Person {
             Question::Direction(Motion::Servo(actuator)) if fake.is_broken(&format!("servo-{actuator}")) => {
                 "nothing".into()
             }
-            Question::Direction(Motion::Servo(actuator)) if matches!(actuator.kind(), Kind::Steering(_)) => {
+            Question::Direction(Motion::Servo(actuator))
+                if matches!(actuator.kind(), ActuatorKind::Steering(_)) =>
+            {
                 "right".into()
             }
             Question::Direction(Motion::Servo(_)) => "up".into(),

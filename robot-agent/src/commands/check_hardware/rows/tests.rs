@@ -1,7 +1,7 @@
 //! What the table says of a truck that is well, and of one that is not.
 
 use super::*;
-use robot_agent::config::Layers;
+use robot_agent::config::SettingLayers;
 use xtb_control::controller::{AdcSample, GyroSample};
 use xtb_control::{Controller, Sample, Stamp, VehicleConfig};
 use xtb_protocol::board::{BoardIdentity, BoardStatus, Firmware, LineCounters};
@@ -65,7 +65,7 @@ fn well() -> Truck {
 
 impl Truck {
     fn rows(&self) -> Vec<Row> {
-        let mut layers = Layers::default();
+        let mut layers = SettingLayers::default();
         let imu = if self.readings.bno085_yaw_cdeg.is_some() { "bno085-rvc" } else { "3dm-g" };
         let text = format!("[hardware]\nkind = \"serial\"\n[vehicle]\nimu = \"{imu}\"\n");
         layers.file("robot.toml", &text).unwrap();

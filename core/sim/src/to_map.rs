@@ -13,7 +13,7 @@ use xtb_nav::map::{MapError, raster};
 use xtb_nav::{Cell, Grid, Map};
 
 /// Side of a cell unless another is asked for, in m.
-pub const CHART_RESOLUTION_M: f64 = 0.05;
+pub const MAP_RESOLUTION_M: f64 = 0.05;
 /// Of a world without a name.
 const NAMELESS: &str = "world";
 /// This part of a cell is rounding.
@@ -21,7 +21,7 @@ const EDGE: f64 = 1e-6;
 
 /// Why a world has no map.
 #[derive(Debug, Clone, PartialEq, Error)]
-pub enum ChartError {
+pub enum ToMapError {
     /// Too large for this resolution, or a resolution that no map has.
     #[error("the world's map: {0}")]
     Grid(#[from] GridError),
@@ -35,8 +35,8 @@ impl World {
     /// of a map has that one, in its own cells.
     ///
     /// # Errors
-    /// See [`ChartError`].
-    pub fn chart(&self, resolution_m: f64) -> Result<Map, ChartError> {
+    /// See [`ToMapError`].
+    pub fn to_map(&self, resolution_m: f64) -> Result<Map, ToMapError> {
         if let Some(map) = self.map() {
             return Ok(map.clone());
         }

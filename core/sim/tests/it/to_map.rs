@@ -5,15 +5,15 @@ use xtb_control::VehicleConfig;
 use xtb_nav::map::check::check;
 use xtb_nav::map::ros::{Description, Files};
 use xtb_nav::{Car, Cell, Map, MapPose, ZoneKind};
-use xtb_sim::{BoxSpec, CHART_RESOLUTION_M, ChartError, TruckParameters, World, WorldError};
+use xtb_sim::{BoxSpec, MAP_RESOLUTION_M, ToMapError, TruckParameters, World, WorldError};
 
-fn chart(toml: &str) -> Map {
-    World::from_toml(toml).unwrap().chart(CHART_RESOLUTION_M).unwrap()
+fn map_of(toml: &str) -> Map {
+    World::from_toml(toml).unwrap().to_map(MAP_RESOLUTION_M).unwrap()
 }
 
 #[test]
 fn a_room_is_its_floor_and_its_walls() {
-    let map = World::default().chart(0.05).unwrap();
+    let map = World::default().to_map(0.05).unwrap();
     let grid = map.grid();
     assert_eq!((map.name(), grid.origin_m(), grid.width(), grid.height()), ("world", [-7.1; 2], 284, 284));
     assert_eq!((grid.at(6.99, 0.0), grid.at(7.01, 0.0)), (Cell::Free, Cell::Occupied));
@@ -30,7 +30,7 @@ fn every_point_of_a_wall_or_a_box_is_occupied() {
         let yaw_rad = draw.uniform(-3.0, 3.0);
         let spec = BoxSpec { x_m, y_m, width_m: draw.uniform(0.01, 2.0), depth_m: 0.3, yaw_rad };
         world.put_box("box", spec).unwrap();
-        let map = world.chart(0.05).unwrap();
+        let map = world.to_map(0.05).unwrap();
         let (sin, cos) = spec.yaw_rad.sin_cos();
         for _ in 0..500 {
             let a = draw.uniform(-0.4999, 0.4999) * spec.width_m;
@@ -43,7 +43,7 @@ fn every_point_of_a_wall_or_a_box_is_occupied() {
 
 #[test]
 fn ramps_are_floor_and_zones_are_rules() {
-    let map = chart(
+    let map = map_of(
         "name = \"hall\"\n[room]\nwidth_m = 8.0\ndepth_m = 6.0\n\
          [[ramps]]\nx_m = 1.0\ny_m = 1.0\nlength_m = 1.0\nwidth_m = 1.0\nslope_deg = 6.0\nuphill_rad = 0.0\n\
          [[zones]]\nname = \"charger\"\nkind = \"keep_out\"\npoints = [[-4, -3], [-3.0, -3.0], [-3.0, -2.0]]\n\
@@ -70,7 +70,7 @@ fn impossible_zones_are_refused_with_the_reason() {
 
 #[test]
 fn what_no_start_leads_to_is_unknown_and_cut_off() {
-    let map = chart(include_str!("../../../../worlds/corridor.toml"));
+    let map = map_of(include_str!("../../../../worlds/corridor.toml"));
     let grid = map.grid();
     // From the west wall's outer face to that of the side arm.
     assert_eq!((grid.origin_m(), grid.width(), grid.height()), ([-1.25, -8.05], 146, 402));
@@ -86,7 +86,7 @@ fn the_trucks_of_the_projects_worlds_start_free_on_one_island() {
         (include_str!("../../../../worlds/corridor.toml"), 3),
         (include_str!("../../../../worlds/ramps.toml"), 3),
     ] {
-        let map = chart(toml);
+        let map = map_of(toml);
         let report = check(&map, &car);
         assert_eq!((report.islands.len(), report.zones.len()), (1, 0), "{}: {report:?}", map.name());
         let starts = World::from_toml(toml).unwrap();
@@ -102,16 +102,16 @@ fn the_trucks_of_the_projects_worlds_start_free_on_one_island() {
 #[test]
 fn a_world_too_large_for_its_resolution_is_refused() {
     let world = World::from_toml("[room]\nwidth_m = 1000.0\ndepth_m = 1000.0").unwrap();
-    assert!(matches!(world.chart(0.05), Err(ChartError::Grid(_))));
-    assert_eq!(world.chart(0.5).unwrap().grid().width(), 2002);
+    assert!(matches!(world.to_map(0.05), Err(ToMapError::Grid(_))));
+    assert_eq!(world.to_map(0.5).unwrap().grid().width(), 2002);
     for resolution_m in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300] {
-        assert!(matches!(world.chart(resolution_m), Err(ChartError::Grid(_))), "{resolution_m}");
+        assert!(matches!(world.to_map(resolution_m), Err(ToMapError::Grid(_))), "{resolution_m}");
     }
 }
 
 #[test]
 fn a_world_and_its_files_have_the_same_hash() {
-    let map = chart(include_str!("../../../../worlds/lab.toml"));
+    let map = map_of(include_str!("../../../../worlds/lab.toml"));
     let files = Files::of(&map, "lab.pgm").unwrap();
     let read = Description::from_yaml(&files.yaml).unwrap().map("other", &files.image).unwrap();
     assert_eq!((read.hash(), read.zones().len()), (map.hash(), 2));
