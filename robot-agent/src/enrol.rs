@@ -123,7 +123,7 @@ pub struct EnrolOutcome {
 /// Enrols `file` in `folder`; `force` replaces another identity. `may` says which roles are this program's.
 ///
 /// # Errors
-/// [`Refusal`].
+/// [`EnrolRefusal`].
 pub fn enrol(
     file: &Path,
     folder: Option<&Path>,
@@ -200,7 +200,7 @@ impl EnrolOutcome {
     /// Deletes the file that was enrolled, or warns that it is still there.
     ///
     /// # Errors
-    /// [`Refusal::Delete`].
+    /// [`EnrolRefusal::Delete`].
     pub fn settle(&mut self, file: &Path, delete: bool) -> Result<(), EnrolRefusal> {
         if delete {
             return std::fs::remove_file(file)

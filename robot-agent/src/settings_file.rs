@@ -64,7 +64,7 @@ impl fmt::Display for SettingChange {
 /// Writes the changes into the file, which is made if it is missing.
 ///
 /// # Errors
-/// See [`WriteError`]; the file is as it was then.
+/// See [`SettingsFileError`]; the file is as it was then.
 pub fn write(path: &Path, changes: &[SettingChange]) -> Result<(), SettingsFileError> {
     let name = path.display().to_string();
     let failed = |error: io::Error| SettingsFileError::File { path: name.clone(), error };

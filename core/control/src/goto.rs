@@ -35,7 +35,7 @@ impl GotoGoal {
     pub const LIMIT_M: f64 = 1.0e4;
 
     /// # Errors
-    /// A coordinate that is not finite or beyond ±[`Goal::LIMIT_M`].
+    /// A coordinate that is not finite or beyond ±[`GotoGoal::LIMIT_M`].
     pub fn new(x_m: f64, y_m: f64) -> Result<Self, OutOfRange> {
         Ok(Self {
             x_m: check("goal x", x_m, -Self::LIMIT_M, Self::LIMIT_M, "m")?,

@@ -2,7 +2,7 @@
 //!
 //! *Setup* (Fig. 8): "No task using the TPU can run without having received an event from the setup
 //! as being completed." [`SetupTask`] is that rule: it asks the board to configure itself and opens
-//! the gate for samples only when the board has confirmed exactly this [`Setup`]; a board that
+//! the gate for samples only when the board has confirmed exactly this [`TpuSetup`]; a board that
 //! restarts closes it again. *Reset* (Fig. 9): a channel with an impossible reading ("420 %") is
 //! reset; [`ResetMask`] says which.
 //!
@@ -105,7 +105,7 @@ pub struct TpuSetup {
     pub fqm_window: u16,
     /// Longest time without a PWM frame.
     pub watchdog_ms: u16,
-    /// Channel codes ([`Channel::code`]) of the [`PINS`].
+    /// Channel codes ([`PinChannel::code`]) of the [`PINS`].
     pub channels: [u8; PINS],
 }
 

@@ -1,7 +1,7 @@
 //! Robots that are nearly done: where and how far behind a busy one will be free.
 //!
-//! A task may be reserved for such a robot when it will be there sooner than any that is free, but only for
-//! a while ([`Settings::reserve_ms`](crate::Settings::reserve_ms)): what it does may take longer than its way.
+//! A task may be reserved for such a robot when it will be there sooner than any that is free, but only for a while
+//! ([`reserve_ms`](crate::DispatcherSettings::reserve_ms)): what it does may take longer than its way.
 
 use crate::assign::Candidate;
 use crate::task::Task;

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A [`Vehicle`] is one robot towards a master control. What it wants of the dispatcher follows from its
-//! [`record`](record::Record) and the task anew at each step, as with the dispatcher itself: it does not matter which
+//! [`record`](record::OrderRecord) and the task anew at each step, as with the dispatcher itself: it does not matter which
 //! message was lost, or whether the process has restarted in between. An order is accepted when the dispatcher's
 //! ledger has it, never before.
 //!

@@ -5,8 +5,8 @@
 //! and what it does when the disk is full or damaged, is told in `docs/ledger.md`; it never begins anew by
 //! itself where something was.
 //!
-//! [`Ledger`] writes and waits for the disk; [`Writer`] does so on a thread, many submissions to a commit;
-//! [`read`] reads beside a running dispatcher, and what is left of a damaged file; [`Reader`] hands records on
+//! [`Ledger`] writes and waits for the disk; [`LedgerWriter`] does so on a thread, many submissions to a commit;
+//! [`read`] reads beside a running dispatcher, and what is left of a damaged file; [`LedgerReader`] hands records on
 //! to a stand-by's copy.
 
 mod anew;

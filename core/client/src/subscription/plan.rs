@@ -2,7 +2,7 @@
 //!
 //! Not everything on our keys is published: presence is a liveliness token, some keys only answer
 //! questions, and commands are questions between others. So an expression is compared with each kind
-//! of key; Zenoh says whether they have keys in common, [`Plan::of`] which.
+//! of key; Zenoh says whether they have keys in common, [`WatchPlan::of`] which.
 
 use crate::error::{Error, ErrorKind, Result};
 use xtb_bus::intersect;

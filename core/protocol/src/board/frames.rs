@@ -50,7 +50,7 @@ pub struct BoardStatus {
     pub watchdog: bool,
     /// Whether the emergency stop at the board is pressed; `None` of a firmware that does not know it.
     pub emergency_stop: Option<bool>,
-    /// [`Setup::checksum`] of the set-up in force.
+    /// [`TpuSetup::checksum`] of the set-up in force.
     pub setup_checksum: u16,
     /// Frames that the board has refused, modulo 65,536.
     pub rejected: u16,

@@ -22,7 +22,7 @@ pub struct Readings {
     pub identity: Option<BoardIdentity>,
     /// Whether the board has confirmed its set-up.
     pub set_up: bool,
-    /// [`checksum`](xtb_control::tpu::Setup::checksum) of the set-up that it should have.
+    /// [`checksum`](xtb_control::tpu::TpuSetup::checksum) of the set-up that it should have.
     pub setup_checksum: u16,
     /// Pulses of the last encoder window.
     pub pulses: Option<u16>,

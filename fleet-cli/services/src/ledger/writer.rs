@@ -3,7 +3,7 @@
 //! Whatever waits goes into one commit, so the disk is waited for once for many. The queue is bounded:
 //! what finds it full is refused and counted. After a failed write nothing is written until its owner has
 //! heard of it: a record may rest on the one that failed. So every submission that was handed over before
-//! [`Writer::resume`] fails too, and the owner decides what to submit again.
+//! [`LedgerWriter::resume`] fails too, and the owner decides what to submit again.
 
 use super::{Body, Ledger, LedgerError, LedgerFault};
 use schemars::JsonSchema;
@@ -44,7 +44,7 @@ pub struct LedgerWriteError {
     pub error: Arc<LedgerError>,
     /// It was fine itself, but came behind one that failed.
     pub behind: bool,
-    /// Which failure it was, for [`Writer::resume`].
+    /// Which failure it was, for [`LedgerWriter::resume`].
     pub failure: u64,
 }
 
@@ -129,7 +129,7 @@ impl LedgerWriter {
     /// Hands a snapshot over, which replaces all that was submitted before it; never waits.
     ///
     /// # Errors
-    /// As [`Writer::submit`].
+    /// As [`LedgerWriter::submit`].
     pub fn compact<R: Serialize + DeserializeOwned>(&self, snapshot: &R) -> Result<PendingWrite, Refused> {
         self.send(Body::of(snapshot, true).map(|body| vec![body]))
     }

@@ -67,7 +67,7 @@ impl MapVersions {
     /// Goes on with the history in this file; one that is not there begins with the first change.
     ///
     /// # Errors
-    /// See [`HistoryError`].
+    /// See [`MapVersionsError`].
     pub fn open(path: &Path) -> Result<Self, MapVersionsError> {
         let text = match files::text(path, 2 * MAX_BYTES) {
             Ok(text) => text,
