@@ -27,14 +27,12 @@ use fantoccini::key::Key;
 use fleet_tests::{Fleet, Setup, eventually};
 use tokio::sync::{Semaphore, SemaphorePermit};
 
-const BROWSERS: u32 = 3;
-
-/// Room for the tests that run.
-static ROOM: Semaphore = Semaphore::const_new(BROWSERS as usize);
+/// Room for the tests that run: two browsers at a time.
+static ROOM: Semaphore = Semaphore::const_new(2);
 
 /// Held by a test that says how soon something has to happen: no other runs meanwhile.
 async fn alone() -> SemaphorePermit<'static> {
-    ROOM.acquire_many(BROWSERS).await.unwrap()
+    ROOM.acquire_many(2).await.unwrap()
 }
 
 /// Held by every other test.
