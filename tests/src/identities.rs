@@ -5,7 +5,7 @@ use crate::{eventually, name};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
-use xtb_bus::{Bus, Enrolled, Opening, SessionRole as Session, Tls};
+use xtb_bus::{Bus, Enrolled, Opening, SessionRole, Tls};
 use xtb_identity::issue::{Authority, CertificatePurpose, LIFE, issue};
 use xtb_identity::{CommonName, Identity, Registry, RegistryEntry, Role, Router};
 use xtb_protocol::keys::FleetKeys;
@@ -167,7 +167,7 @@ impl Pki {
     #[must_use]
     pub fn opening(&self, of: &str, router: &str) -> Opening {
         let connect = vec![router.to_owned()];
-        Opening::of(Session::Client { connect }).tls(Some(self.tls(of)))
+        Opening::of(SessionRole::Client { connect }).tls(Some(self.tls(of)))
     }
 
     /// The keys of the fleet.
@@ -219,7 +219,7 @@ impl Access {
     /// If it never does.
     pub async fn session(&self, of: &str, router: &str) -> Bus {
         let connect = vec![router.to_owned()];
-        let opening = Opening::of(Session::Client { connect }).tls(self.pki().map(|pki| pki.tls(of)));
+        let opening = Opening::of(SessionRole::Client { connect }).tls(self.pki().map(|pki| pki.tls(of)));
         eventually("a session", || async { opening.clone().once().await.ok() }).await
     }
 }

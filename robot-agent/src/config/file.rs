@@ -3,7 +3,7 @@
 use super::problem::ConfigProblem;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use xtb_bus::{Enrolled, Opening, SessionRole as Session};
+use xtb_bus::{Enrolled, Opening, SessionRole};
 use xtb_control::VehicleConfig;
 use xtb_control::config::{Allowed::*, ConfigError, DefaultOrigin::*, Parameter, render_toml, validate};
 use xtb_control::config_section;
@@ -229,7 +229,7 @@ impl AgentConfig {
     #[must_use]
     pub fn opening(&self) -> Opening {
         let connect = self.connect.clone();
-        let role = if self.peer { Session::Peer { connect } } else { Session::Client { connect } };
+        let role = if self.peer { SessionRole::Peer { connect } } else { SessionRole::Client { connect } };
         Opening::of(role).tls(self.identity.as_ref().map(Enrolled::tls))
     }
 }

@@ -103,7 +103,7 @@ impl Surroundings {
 
 #[cfg(test)]
 mod tests {
-    use super::super::right_of_way::{Role, hold};
+    use super::super::right_of_way::{NearRole, hold};
     use super::*;
     use crate::geometry::{Piece, distance_m};
     use proptest::prelude::*;
@@ -122,7 +122,7 @@ mod tests {
         let path = Path { start: pose, pieces: pieces.iter().map(piece).collect() };
         let pose = path.at(done_m).0;
         let way = Some(RemainingPath { path, done_m, release_m: f64::MAX });
-        Neighbour { name: "xtb-1".into(), pose, speed_mps: 0.2, role: Role::Alone, way, waits_for: None }
+        Neighbour { name: "xtb-1".into(), pose, speed_mps: 0.2, role: NearRole::Alone, way, waits_for: None }
     }
 
     fn cell(column: i32, row: i32) -> FloorCell {
@@ -145,14 +145,14 @@ mod tests {
     #[test]
     fn one_that_stands_tells_it_in_its_own_square_alone() {
         let parked = Neighbour {
-            role: Role::Parked,
+            role: NearRole::Parked,
             speed_mps: 0.0,
             way: None,
             ..going(pose(-0.1, 0.1, 0.0), &[], 0.0)
         };
         assert_eq!(parked.cells(), BTreeSet::from([cell(-1, 0)]));
         // Nobody knows where this one goes: ahead.
-        let by_hand = Neighbour { role: Role::Driven, speed_mps: 0.5, ..parked };
+        let by_hand = Neighbour { role: NearRole::Driven, speed_mps: 0.5, ..parked };
         assert_eq!(by_hand.cells(), BTreeSet::from([cell(-1, 0), cell(0, 0)]));
     }
 

@@ -17,7 +17,7 @@ use crate::settings::MEETING_MPS;
 use std::sync::Arc;
 use xtb_control::speed::STANDS_MPS;
 use xtb_control::{Mode, Stamp};
-pub use xtb_protocol::messages::NearRole as Role;
+pub use xtb_protocol::messages::NearRole;
 use xtb_protocol::messages::{RobotState, RouteSource, Via};
 
 /// A robot that has not been heard for this long is unknown: five of the states that robots take of each
@@ -72,7 +72,7 @@ pub struct Neighbour {
     /// Signed, in m/s.
     pub speed_mps: f64,
     /// Who tells it where to go.
-    pub role: Role,
+    pub role: NearRole,
     /// Its way from here, as far as it is released; `None` while there is none.
     pub way: Option<RemainingPath>,
     /// For whom it waits.
@@ -110,18 +110,18 @@ impl Neighbour {
         let goal = state.goal.as_ref().filter(|goal| !goal.status.is_final());
         let by_hand = matches!(state.mode, Mode::Manual | Mode::Teleop);
         let role = match goal {
-            _ if by_hand => Role::Driven,
-            _ if !state.latches.is_empty() => Role::Parked,
-            Some(goal) if goal.via != Some(Via::Planned) || led => Role::Driven,
-            Some(_) => Role::Alone,
-            None => Role::Parked,
+            _ if by_hand => NearRole::Driven,
+            _ if !state.latches.is_empty() => NearRole::Parked,
+            Some(goal) if goal.via != Some(Via::Planned) || led => NearRole::Driven,
+            Some(_) => NearRole::Alone,
+            None => NearRole::Parked,
         };
         Some(Self {
             name: state.robot.to_string(),
             pose: MapPose { x_m, y_m, yaw_rad },
             speed_mps,
             role,
-            way: way.filter(|_| role != Role::Parked),
+            way: way.filter(|_| role != NearRole::Parked),
             waits_for: route.and_then(|route| route.waits_for.as_ref()).map(ToString::to_string),
         })
     }
@@ -145,9 +145,9 @@ impl NeighbourNow<'_> {
     #[must_use]
     pub fn goes_before(&self, me: &str) -> bool {
         match self.said.role {
-            Role::Driven => true,
-            Role::Alone => goes_before(&self.said.name, me),
-            Role::Parked => false,
+            NearRole::Driven => true,
+            NearRole::Alone => goes_before(&self.said.name, me),
+            NearRole::Parked => false,
         }
     }
 

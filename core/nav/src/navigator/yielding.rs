@@ -13,7 +13,7 @@
 use super::Navigator;
 use super::following::PathPurpose;
 use super::replan::{Blocker, PlanFailure, Planned};
-use super::right_of_way::{Hold, InTheWay, LOST_TURN_MS, Neighbour, NeighbourNow, Role, hold};
+use super::right_of_way::{Hold, InTheWay, LOST_TURN_MS, NearRole, Neighbour, NeighbourNow, hold};
 use super::task::{PAUSE_MS, Stage, TRIES, Task, Yielding};
 use super::traffic_guidance::MOTION_ALLOWANCE_M;
 use super::turn::{HoldReason, TurnDecision, stand};
@@ -84,7 +84,8 @@ impl Navigator {
 
     /// Bodies to plan around.
     pub(super) fn standing_robots(&self, now: Stamp, from: &MapPose) -> Vec<(String, MapPose)> {
-        let still = |other: &NeighbourNow<'_>| other.said.role == Role::Parked || other.still_ms >= STILL_MS;
+        let still =
+            |other: &NeighbourNow<'_>| other.said.role == NearRole::Parked || other.still_ms >= STILL_MS;
         let still = self.nearest(now, from, still);
         still.into_iter().map(|other| (other.said.name.clone(), other.pose)).collect()
     }
@@ -179,7 +180,7 @@ impl Navigator {
         name: String,
         planned: Planned,
     ) -> Option<(Planned, PathPurpose)> {
-        let other = self.neighbours.find(now, &name).filter(|other| other.said.role == Role::Alone);
+        let other = self.neighbours.find(now, &name).filter(|other| other.said.role == NearRole::Alone);
         let Some(other) = other else {
             task.no_way_past(now, name);
             return None;

@@ -6,7 +6,7 @@ use robot_agent::config::ConfigFile;
 use serde::Serialize;
 use xtb_control::infrared::BumperRanges;
 use xtb_control::pistons::height_m;
-use xtb_control::remote::{TickReading as Pulse, reading};
+use xtb_control::remote::{TickReading, reading};
 use xtb_control::speed::wheel_rpm;
 use xtb_control::units::PWM_PERIOD_COUNTS;
 use xtb_control::vehicle::{BumperFinders, Platform, SLOTS};
@@ -296,7 +296,7 @@ impl Evidence<'_> {
         let remote = &self.settings.vehicle.remote;
         let raw = ticks.map_or_else(|| "-".to_owned(), |ticks| format!("{ticks} ticks"));
         match reading(remote, ticks) {
-            Pulse::Usable(duty) => {
+            TickReading::Usable(duty) => {
                 let below = duty * PWM_PERIOD_COUNTS < remote.selector_counts;
                 let manual = below == (remote.manual == "below");
                 let meaning = match (selector, manual) {
@@ -306,11 +306,13 @@ impl Evidence<'_> {
                 };
                 heard(raw, format!("{:.2} ms{meaning}", duty * remote.period_ms), None)
             }
-            Pulse::Rejected if ticks.is_none() => heard(raw, "no pulse", Some(Fault::RemoteLost.remedy())),
-            Pulse::Rejected => {
+            TickReading::Rejected if ticks.is_none() => {
+                heard(raw, "no pulse", Some(Fault::RemoteLost.remedy()))
+            }
+            TickReading::Rejected => {
                 heard(raw, "too short or too long", Some("check the transmitter's end points"))
             }
-            Pulse::Impossible => {
+            TickReading::Impossible => {
                 heard(raw, "longer than one period", Some("the board ignores channel resets (0x19)"))
             }
         }

@@ -20,11 +20,11 @@ fn straight(start: MapPose, length_m: f64) -> Path {
 fn going(name: &str, pose: MapPose, length_m: f64) -> Neighbour {
     let path = straight(pose, length_m);
     let way = Some(RemainingPath { path, done_m: 0.0, release_m: f64::MAX });
-    Neighbour { name: name.to_owned(), pose, speed_mps: 0.2, role: Role::Alone, way, waits_for: None }
+    Neighbour { name: name.to_owned(), pose, speed_mps: 0.2, role: NearRole::Alone, way, waits_for: None }
 }
 
 fn parked(name: &str, pose: MapPose) -> Neighbour {
-    Neighbour { role: Role::Parked, speed_mps: 0.0, way: None, ..going(name, pose, 0.0) }
+    Neighbour { role: NearRole::Parked, speed_mps: 0.0, way: None, ..going(name, pose, 0.0) }
 }
 
 fn now(said: &Neighbour) -> NeighbourNow<'_> {
@@ -115,7 +115,7 @@ fn beside_a_body_everything_is_free_that_leads_away() {
 fn who_is_driven_gives_way_to_nobody() {
     let mut driven = going("xtb-9", pose(-2.0, 0.0, 0.0), 4.0);
     assert_eq!(northbound("xtb-1", &driven), None);
-    driven.role = Role::Driven;
+    driven.role = NearRole::Driven;
     assert_eq!(northbound("xtb-1", &driven).unwrap().what, InTheWay::Path);
 }
 
@@ -158,10 +158,10 @@ fn how_long_one_has_stood_counts_from_when_it_got_its_role() {
     let at = |ms| Stamp::ZERO.plus_ms(ms);
     let mut book = Neighbours { me: "xtb-0".to_owned(), ..Neighbours::default() };
     let stands = |role| Neighbour { role, ..parked("xtb-1", pose(1.0, 0.0, 0.0)) };
-    (0..20).for_each(|n| book.hear(at(n * 200), stands(Role::Parked).into()));
-    book.hear(at(4_000), stands(Role::Alone).into());
+    (0..20).for_each(|n| book.hear(at(n * 200), stands(NearRole::Parked).into()));
+    book.hear(at(4_000), stands(NearRole::Alone).into());
     let other = book.find(at(4_200), "xtb-1").unwrap();
     assert_eq!((other.still_ms, other.stood_ms), (4_200, 200));
-    book.hear(at(4_200), Neighbour { speed_mps: 0.1, ..stands(Role::Alone) }.into());
+    book.hear(at(4_200), Neighbour { speed_mps: 0.1, ..stands(NearRole::Alone) }.into());
     assert_eq!(book.find(at(4_200), "xtb-1").unwrap().still_ms, 0);
 }
