@@ -118,7 +118,7 @@ impl Fleet {
 
     /// Sends one to a place at random. Each robot's draws are its own: how the others fare changes only which
     /// of them are passed over.
-    fn send_on(&mut self, index: usize) {
+    pub(crate) fn send_on(&mut self, index: usize) {
         let here = self.truth(index);
         for _ in 0..1000 {
             let goal = anywhere(&self.floor, &mut self.draws[index]);

@@ -1,27 +1,84 @@
-//! Robots that wander among robots that are led. `XTB_WANDERING=50` tries 50 seeds instead of 4.
+//! Robots that wander among robots that are led. `XTB_WANDERING=50` tries 50 seeds instead of a few.
 
+use crate::draw::Draw;
 use crate::lifelong::Fleet;
 
 const ROOM: &str = "[room]\nwidth_m = 10.0\ndepth_m = 10.0\n";
 const ROBOTS: usize = 12;
+const CROWDED_ROOM: &str = "[room]\nwidth_m = 9.0\ndepth_m = 9.0\n";
+const CROWD: usize = 16;
 
-/// Who touched another robot in 5 minutes in which every other robot wanders and the rest always has a goal. A wall
-/// beside a wandering robot is the memorandum's: it looks ahead and astern only.
-fn touched(seed: u64) -> Vec<String> {
-    let mut fleet = Fleet::new(ROOM, ROBOTS, seed, true);
-    (0..ROBOTS).step_by(2).for_each(|index| fleet.drive.wander(index));
-    fleet.run(300.0, true, &mut |_, _| {});
-    assert!(fleet.life.reached > 5, "{} goals reached", fleet.life.reached);
+/// Seeds from the first one on: so many, or as many as `XTB_WANDERING` says.
+fn seeds(first: u64, usually: u64) -> std::ops::Range<u64> {
+    let asked = std::env::var("XTB_WANDERING").ok().and_then(|count| count.parse().ok());
+    first..first + asked.unwrap_or(usually)
+}
+
+/// Who touched another robot. A wall beside a wandering robot is the memorandum's: it looks ahead and astern only.
+fn pairs(fleet: &Fleet) -> Vec<String> {
     let at = |line: &String| line.split(" s ").next().map(str::to_owned);
     let touched = &fleet.life.touched;
     let is_of_two = |line: &&String| touched.iter().filter(|other| at(other) == at(line)).count() > 1;
     touched.iter().filter(is_of_two).cloned().collect()
 }
 
+/// Five minutes in which every other robot wanders and the rest always has a goal.
+fn touched(seed: u64) -> Vec<String> {
+    let mut fleet = Fleet::new(ROOM, ROBOTS, seed, true);
+    (0..ROBOTS).step_by(2).for_each(|index| fleet.drive.wander(index));
+    fleet.run(300.0, true, &mut |_, _| {});
+    assert!(fleet.life.reached > 5, "{} goals reached", fleet.life.reached);
+    pairs(&fleet)
+}
+
+/// So long in a crowd of which each robot goes from goal to goal, and every 40 s or so wanders for 10 to 40 s first.
+fn touched_in_crowd(seed: u64, seconds: f64) -> Vec<String> {
+    let mut fleet = Fleet::new(CROWDED_ROOM, CROWD, seed, true);
+    let mut draw = Draw::new(seed ^ 0x77AA);
+    let mut wanders_until_s = [None; CROWD];
+    fleet.run(seconds, true, &mut |fleet, at_s| {
+        for (index, until_s) in wanders_until_s.iter_mut().enumerate() {
+            match *until_s {
+                Some(end_s) if end_s > at_s => {}
+                Some(_) => {
+                    *until_s = None;
+                    fleet.send_on(index);
+                }
+                None if draw.uniform(0.0, 1.0) < 0.005 => {
+                    *until_s = Some(at_s + draw.uniform(10.0, 40.0));
+                    fleet.drive.wander(index);
+                }
+                None => {}
+            }
+        }
+    });
+    assert!(fleet.life.reached > 5, "{} goals reached", fleet.life.reached);
+    pairs(&fleet)
+}
+
 #[test]
 fn robots_that_wander_touch_nobody_who_is_led() {
-    let seeds = std::env::var("XTB_WANDERING").ok().and_then(|count| count.parse().ok()).unwrap_or(4);
-    for seed in 201..201 + seeds {
+    for seed in seeds(201, 2) {
         assert_eq!(touched(seed), Vec::<String>::new(), "seed {seed}");
+    }
+}
+
+/// It gets its goal where another one's released way is: with seed 10 that one drove on into it.
+#[test]
+fn nobody_touches_a_robot_that_has_just_ended_to_wander() {
+    for seed in seeds(10, 1) {
+        assert_eq!(touched_in_crowd(seed, 200.0), Vec::<String>::new(), "seed {seed}");
+    }
+}
+
+/// Everybody always has a goal, and messages are half a second late: at 0.35 m/s that is 17 cm.
+#[test]
+fn robots_that_are_led_touch_nobody_when_messages_are_late() {
+    for seed in seeds(401, 1) {
+        let mut fleet = Fleet::new(CROWDED_ROOM, CROWD, seed, true);
+        fleet.drive.lockstep.traffic_mut().unwrap().late_ms = 500;
+        fleet.run(120.0, true, &mut |_, _| {});
+        assert!(fleet.life.reached > 20, "{} goals reached", fleet.life.reached);
+        assert_eq!(fleet.life.touched, Vec::<String>::new(), "seed {seed}");
     }
 }

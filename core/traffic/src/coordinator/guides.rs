@@ -32,8 +32,9 @@ impl Coordinator {
         Some(&self.trucks[index])
     }
 
-    /// Who is not led and has come to where this one is released to, near ahead of it. What is released stays so: it
-    /// has to stand until that one has gone, or until it counts as stalled and is led from where it stands.
+    /// Who has come to where this one is released to, near ahead of it: not led there, but wandering, driven by hand, or
+    /// still there with a goal that it got since. What is released stays so: it has to stand until that one has gone, or
+    /// until it counts as stalled and is led from where it stands.
     fn stands_on_way(&self, truck: &Truck) -> Option<&Truck> {
         let route = truck.route.as_ref()?;
         let from = route.way.place(route.done_m).min(route.release);
@@ -42,14 +43,15 @@ impl Coordinator {
         let here = ahead.first()?.body;
         let comes = |other: &&Truck| {
             let body = Rect::body(&other.car(), &other.view.pose);
-            let reach_m = NEAR_AHEAD_M + here.reach_m() + body.reach_m();
+            let coming = if other.is_live() { body } else { other.stopping_body() };
+            let reach_m = NEAR_AHEAD_M + here.reach_m() + coming.reach_m();
             let is_near = libm::hypot(body.x_m - here.x_m, body.y_m - here.y_m) < reach_m;
             // Who is as near already is passed as it is.
             is_near
                 && !here.overlaps(&body, APART_M)
-                && ahead.iter().any(|stand| stand.body.overlaps(&body, APART_M))
+                && ahead.iter().any(|stand| stand.body.overlaps(&coming, APART_M))
         };
-        self.trucks.iter().filter(|other| other.id != truck.id && other.view.goal.is_none()).find(comes)
+        self.trucks.iter().filter(|other| other.id != truck.id).find(comes)
     }
 
     pub(super) fn guide(&self, now: Stamp, index: usize, heads: &Heads) -> Guide {

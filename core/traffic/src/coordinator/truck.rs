@@ -356,19 +356,24 @@ impl Truck {
 
     /// Where it has to be driven around, as one that is not led.
     pub(super) fn block(&self) -> Vec<Stand> {
-        let car = self.car();
         // One that goes on to the end of what is released needs its look-out there.
         let goes_on = self.view.drives && !self.stalled;
         let held = self.retained.iter().chain(self.held());
         let mut stands: Vec<Stand> =
             held.map(|stand| Stand { look: stand.look.filter(|_| goes_on), ..*stand }).collect();
-        let stopping_m = if self.stands() { 0.0 } else { STOPPING_M + STOPS_S * self.view.speed_mps.abs() };
+        stands.push(Stand { body: self.stopping_body(), look: None });
+        stands
+    }
+
+    /// Its body, and what it drives through until it stands.
+    pub(super) fn stopping_body(&self) -> Rect {
+        let (car, speed_mps) = (self.car(), self.view.speed_mps);
+        let stopping_m = if self.stands() { 0.0 } else { STOPPING_M + STOPS_S * speed_mps.abs() };
         let longer = Car {
-            front_m: car.front_m + if self.view.speed_mps > 0.0 { stopping_m } else { 0.0 },
-            rear_m: car.rear_m + if self.view.speed_mps < 0.0 { stopping_m } else { 0.0 },
+            front_m: car.front_m + if speed_mps > 0.0 { stopping_m } else { 0.0 },
+            rear_m: car.rear_m + if speed_mps < 0.0 { stopping_m } else { 0.0 },
             ..car
         };
-        stands.push(Stand { body: Rect::body(&longer, &self.view.pose), look: None });
-        stands
+        Rect::body(&longer, &self.view.pose)
     }
 }
