@@ -93,7 +93,8 @@ pub(crate) fn open_simulated(file: &ConfigFile, speed: f64) -> Result<(Lines, In
 /// This program was built without the simulator.
 #[cfg(not(feature = "sim"))]
 pub(crate) fn open_simulated(_: &ConfigFile, _: f64) -> Result<(Lines, Instruments), Failure> {
-    let hint = "--hardware serial for a truck; `fleet-cli sim` simulates trucks and their agents";
+    let hint = "--hardware serial for a truck; `fleet-cli sim` simulates trucks with their agents, and with --pty \
+        the serial ports of a truck";
     Err(Failure::new("this robot-agent was built without the simulator", hint).code(2))
 }
 

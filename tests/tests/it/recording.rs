@@ -1,6 +1,7 @@
 //! Recordings: what was decided is decided again, bit for bit, and what was altered is found.
 
-use fleet_tests::{Fleet, Setup};
+use fleet_cli::recording::playback_worker::{PlaySettings, PlaybackWorker};
+use fleet_tests::{Fleet, Setup, eventually, name};
 use mcap::records::MessageHeader;
 use mcap::{MessageStream, WriteOptions};
 use robot_agent::config::SettingLayers;
@@ -8,9 +9,13 @@ use robot_agent::replay::{Comparison, OtherDecision, compare, what_if};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use xtb_control::VehicleConfig;
-use xtb_protocol::messages::{Body, GoalStatus, LinkLoss};
+use xtb_protocol::messages::{Body, GoalStatus, Latch, LinkLoss};
 use xtb_recording::Error;
 use xtb_recording::robot::{Recording, RecordingEnding};
+
+/// Recordings that the programs of commit 054dffaf made (2026-11-23): `sim --robots 1 --record` and `record`, while
+/// `goto xtb-1 0 0.3 --wait` and `estop --all` were run.
+const EARLIER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/recordings");
 
 /// Two robots drive, one to a goal that needs several manoeuvres; their recordings.
 async fn drive(folder: &Path) -> Vec<PathBuf> {
@@ -85,6 +90,32 @@ async fn a_recorded_drive_is_identical_and_shows_what_another_parameter_would_ha
     let is_maneuver =
         |other: &OtherDecision| other.decision == "maneuver" && other.recorded != other.replayed;
     assert!(without.decisions.iter().any(is_maneuver), "{without:?}");
+}
+
+#[test]
+fn a_robots_recording_by_earlier_programs_is_identical() {
+    let found = replay(&Path::new(EARLIER).join("robot-2026-11-23.mcap")).unwrap();
+    assert!(found.identical && found.samples == 1118, "{found:?}");
+    assert_eq!(found.ending, RecordingEnding::Complete);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_fleets_recording_by_earlier_programs_is_played() {
+    let file = Path::new(EARLIER).join("fleet-2026-11-23.mcap");
+    let settings = PlaySettings { speed: 20.0, ..Default::default() };
+    let playing = PlaybackWorker::open(&file, settings).unwrap();
+    eventually("the end", || async { playing.status().ended.then_some(()) }).await;
+    let status = playing.status();
+    assert_eq!((status.failed, status.unreadable), (None, 0));
+    let scene = playing.scene();
+    let scene = scene.lock();
+    let robot = &scene.robots()[&name("xtb-1")];
+    let state = &robot.state.as_ref().expect("its state").value;
+    assert!(
+        state.pose.y_m > 0.25 && state.latches.iter().any(|latch| latch.latch == Latch::Estop),
+        "{state:?}"
+    );
+    assert!(robot.sensors.is_some() && scene.map().is_some());
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -101,6 +101,17 @@ fn a_client_of_ones_own_needs_no_terminal_web_server_or_database() {
 }
 
 #[test]
+fn the_package_of_a_robot_contains_no_simulator() {
+    let build = std::fs::read_to_string(root().join("packaging/build")).unwrap();
+    let options = build.lines().find_map(|line| line.split_once(" -p robot-agent ")).expect("its build").1;
+    let arguments: Vec<&str> =
+        ["-p", "robot-agent", "-e", "normal"].into_iter().chain(options.split(' ')).collect();
+    let text = built_from(&arguments);
+    assert!(text.starts_with("robot-agent "), "{text}");
+    assert!(!text.lines().any(|line| line.starts_with("xtb-sim ")), "{text}");
+}
+
+#[test]
 fn zenoh_is_opened_in_the_bus_only() {
     let folders = [
         "core/control/src",
