@@ -31,6 +31,9 @@ const STALL_MS: u64 = 8000;
 /// Before a truck that is not led and moves at all, in m, beside its speed times [`STOPS_S`]; chosen, not
 /// measured.
 const STOPPING_M: f64 = 0.1;
+/// Faster than this no truck is expected to come, in m/s, whatever it reports (the message allows 2000): more than four
+/// times an XTB's speed. A false report would keep others standing as far away as it pretends to need.
+const FASTEST_MPS: f64 = 2.0;
 
 /// After so many ms, doubled each time up to 8 s, the next way is looked for among many trucks; chosen, not
 /// measured.
@@ -368,7 +371,8 @@ impl Truck {
     /// Its body, and what it drives through until it stands.
     pub(super) fn stopping_body(&self) -> Rect {
         let (car, speed_mps) = (self.car(), self.view.speed_mps);
-        let stopping_m = if self.stands() { 0.0 } else { STOPPING_M + STOPS_S * speed_mps.abs() };
+        let believed_mps = speed_mps.abs().min(FASTEST_MPS);
+        let stopping_m = if self.stands() { 0.0 } else { STOPPING_M + STOPS_S * believed_mps };
         let longer = Car {
             front_m: car.front_m + if speed_mps > 0.0 { stopping_m } else { 0.0 },
             rear_m: car.rear_m + if speed_mps < 0.0 { stopping_m } else { 0.0 },
