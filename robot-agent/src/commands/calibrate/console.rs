@@ -21,6 +21,7 @@ pub(crate) enum Input {
     /// Standard input, whatever it is: a script may answer.
     Standard,
     /// Somebody in this process.
+    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // a simulated person
     Lines(Receiver<String>),
 }
 
