@@ -12,14 +12,14 @@ use std::collections::BTreeMap;
 use std::mem;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::watch;
-use xtb_bus::{Bus, BusError, Incoming, Subscription};
+use xtb_bus::{Bus, BusError, Incoming, Publisher, Subscription};
 use xtb_control::Stamp;
 use xtb_nav::geometry::Car;
 use xtb_nav::navigator::near::Surroundings;
 use xtb_nav::navigator::right_of_way::{HEARD_MS, MOST_NEIGHBOURS, Neighbour};
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
-use xtb_protocol::keys::{Channel, FleetKeys, FloorCell, Key, Kind as ChannelKind, RobotKeys};
+use xtb_protocol::keys::{Channel, FleetKeys, FloorCell, Key, RobotKeys};
 use xtb_protocol::messages::NearState;
 
 /// A robot tells what it does this often, by its own clock: five times within the time after which one that is
@@ -215,21 +215,10 @@ impl Listener {
 
 /// Tells those near it what the robot does, until the control loop ends.
 ///
-/// The keys of its cells are not declared: a router of Zenoh keeps some 2 kB of each key that ever had a publisher,
-/// until it ends itself (zenoh 1.10, its issue 1518), and in a hall each robot comes to each cell.
-///
 /// # Errors
-/// [`BusError`] if the publisher cannot be declared; a message that cannot be sent is only logged.
-pub(crate) async fn tell(
-    bus: Bus,
-    (fleet, keys): (FleetKeys, RobotKeys),
-    mut snapshots: Snapshots,
-) -> Result<(), BusError> {
-    let said_in = |cell| (keys.near(cell), Channel::Near(cell));
-    // Sends nothing: it knows whether anybody listens, in whichever cell.
-    let (anywhere, (_, channel)) =
-        (ChannelKind::Near.key_expr(&fleet, &keys), said_in(FloorCell::at(0.0, 0.0)));
-    let anywhere = bus.publisher::<NearState>(&anywhere, &channel, Format::Postcard).await?;
+/// [`BusError`] if a publisher cannot be declared; a message that cannot be sent is only logged.
+pub(crate) async fn tell(bus: Bus, keys: RobotKeys, mut snapshots: Snapshots) -> Result<(), BusError> {
+    let mut publishers = BTreeMap::<FloorCell, Publisher<NearState>>::new();
     let mut next_ms = 0;
     while snapshots.changed().await.is_ok() {
         let said = {
@@ -241,11 +230,19 @@ pub(crate) async fn tell(
             Neighbour::of(state).map(|said| (said.near_state(&state.robot), said.cells()))
         };
         let Some((said, cells)) = said else { continue };
-        if !anywhere.has_listeners().await {
-            continue;
+        // One that it comes back to is kept: its listeners are known already.
+        let own = FloorCell::at(said.x_m, said.y_m);
+        publishers.retain(|cell, _| cells.contains(cell) || cell.is_within(1, own));
+        for cell in cells.iter().copied() {
+            if publishers.contains_key(&cell) {
+                continue;
+            }
+            let publisher = bus.publisher(&keys.near(cell), &Channel::Near(cell), Format::Postcard).await?;
+            publishers.insert(cell, publisher);
         }
-        for (key, channel) in cells.into_iter().map(said_in) {
-            if let Err(error) = bus.put(&key, &channel, &said, Format::Postcard).await {
+        for publisher in cells.iter().filter_map(|cell| publishers.get(cell)) {
+            // Where nobody listens Zenoh sends nothing.
+            if let Err(error) = publisher.put(&said).await {
                 tracing::debug!("{error}");
             }
         }

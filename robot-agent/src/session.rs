@@ -139,7 +139,7 @@ async fn serve(
     // ends them.
     let mut tasks = JoinSet::new();
     tasks.spawn(uplink::publish_states(bus.clone(), keys.clone(), ends.snapshot.clone()));
-    tasks.spawn(neighbours::tell(bus.clone(), (fleet.clone(), keys.clone()), ends.snapshot.clone()));
+    tasks.spawn(neighbours::tell(bus.clone(), keys.clone(), ends.snapshot.clone()));
     tasks.spawn(uplink::publish_events(bus.clone(), keys.clone(), ends.events));
     let saving =
         downlink::Saving { file: config.settings_file.clone(), saved: ends.saved, turn: Arc::default() };

@@ -77,8 +77,12 @@ pub(crate) fn open(file: &ConfigFile) -> Result<Lines, Failure> {
     }
 }
 
+#[cfg(feature = "sim")]
 const NO_HARDWARE: &str = "--hardware serial --board PORT --gyro PORT for a truck (`robot-agent ports` lists \
     the ports), --hardware simulated for one simulated truck in an empty room";
+#[cfg(not(feature = "sim"))]
+const NO_HARDWARE: &str =
+    "--hardware serial --board PORT --gyro PORT for a truck (`robot-agent ports` lists the ports)";
 
 /// One simulated truck at `speed` × real time, and the instruments that a person holds to it.
 #[cfg(feature = "sim")]

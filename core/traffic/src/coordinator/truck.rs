@@ -31,9 +31,9 @@ const STALL_MS: u64 = 8000;
 /// Before a truck that is not led and moves at all, in m, beside its speed times [`STOPS_S`]; chosen, not
 /// measured.
 const STOPPING_M: f64 = 0.1;
-/// Faster than this no truck is expected to come, in m/s, whatever it reports (the message allows 2000): more than four
-/// times an XTB's speed. A false report would keep others standing as far away as it pretends to need.
-const FASTEST_MPS: f64 = 2.0;
+/// Faster than this no truck is expected to come, in m/s, whatever it reports (the message allows 2000): more than three
+/// times what an XTB does at full throttle. A false report would keep others standing as far away as it pretends to need.
+const FASTEST_MPS: f64 = 10.0;
 
 /// After so many ms, doubled each time up to 8 s, the next way is looked for among many trucks; chosen, not
 /// measured.

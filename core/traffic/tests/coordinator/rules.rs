@@ -80,9 +80,9 @@ fn a_goal_without_a_heading_gets_a_way_and_one_in_a_box_a_reason() {
 
 #[test]
 fn a_reported_speed_that_no_truck_drives_takes_no_more_floor_than_a_fast_one() {
-    let mut coordinator = coordinator();
+    let mut coordinator = Coordinator::new(Arc::new(room(20.0, 4.0, &[])), 1);
     let a = view("a", pose(0.5, 3.5, 0.0), Some((1, 1.5, 3.5)));
-    let pretends = ReportedRobot { speed_mps: 2000.0, drives: false, ..view("b", pose(5.5, 3.5, PI), None) };
+    let pretends = ReportedRobot { speed_mps: 2000.0, drives: false, ..view("b", pose(19.0, 3.5, PI), None) };
     let told = listen(&mut coordinator, 1000, &[a, pretends]);
     assert!(told[0].path.is_some() && told[0].cruise_mps > 0.0, "{told:?}");
 }
