@@ -22,7 +22,8 @@ use xtb_client::text::reasons;
 use xtb_client::text::robot as describe;
 use xtb_client::{Client, Control, LastState, StateFeed};
 use xtb_client::{Error, ErrorKind, Result};
-use xtb_protocol::messages::{GoalStatus, LinkLoss, RejectCode, RobotState, StopReason};
+use xtb_protocol::messages::texts::is_client_timeout;
+use xtb_protocol::messages::{GoalStatus, LinkLoss, RejectCode, RobotState};
 use xtb_protocol::{Name, Uuid};
 
 /// Slower than this it stands: by more than what the encoder of a robot that stands may still say.
@@ -280,25 +281,14 @@ fn report(
         };
         ctx.out.text(&format!("{robot} {verb} {} after {seconds}", task.target))?;
     } else {
+        let gap = end.reason.as_deref().is_some_and(is_client_timeout);
         let reason = end.reason.map(|reason| format!(" ({reason})")).unwrap_or_default();
         let status = reasons::name(&end.status);
         let message = format!("{robot}: goal {} {status}{reason} after {seconds}", task.target);
-        let hint = if fell_silent(watch.feed(), robot, watch.goal()) {
-            gap_hint(task)
-        } else {
-            hint(robot, end.status)
-        };
+        let hint = if gap { gap_hint(task) } else { hint(robot, end.status) };
         ctx.out.failure(&Error::new(ErrorKind::Failed, message).hint(hint));
     }
     Ok(if reached { Exit::Done } else { Exit::Failed })
-}
-
-/// Whether the robot stands because it did not hear this client any more.
-fn fell_silent(feed: &StateFeed, robot: &Name, goal: Uuid) -> bool {
-    feed.last(robot).is_some_and(|LastState { state, .. }| {
-        state.goal.as_ref().is_some_and(|present| present.id == goal)
-            && state.stopped_because.contains(&StopReason::LeaseExpired)
-    })
 }
 
 /// What to do about a gap in the network that ended a goal.
@@ -395,7 +385,6 @@ mod tests {
             (fake.lease, fake.state.lease) = (None, None);
             let goal = fake.state.goal.as_mut().unwrap();
             (goal.status, goal.reason) = (GoalStatus::Failed, Some("controlling client me timed out".into()));
-            fake.state.stopped_because = vec![StopReason::LeaseExpired];
         };
         let (ended, ()) = tokio::join!(waiting, gap);
         let failure = ended.unwrap_err();
