@@ -50,6 +50,14 @@ fn an_empty_battery_stops_a_robot_whose_clock_has_gone_back() {
     assert!(report.violation.is_none(), "{report}");
 }
 
+/// The board was back while the loop was still held up: a stick at rest, read from the line only afterwards, let go of
+/// one that was pushed by then.
+#[test]
+fn a_stick_at_rest_that_waited_in_the_line_lets_nothing_go() {
+    let report = day(1_251_951);
+    assert!(report.violation.is_none(), "{report}");
+}
+
 #[test]
 fn a_seed_is_one_history_whatever_else_runs() {
     let alone: Vec<DayReport> = (0..8).map(day).collect();

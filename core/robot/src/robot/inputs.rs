@@ -77,7 +77,10 @@ impl Robot {
                 self.newest.remote = sample;
                 self.remote_due = Some(now.plus_ns(self.remote_period_ns() * 3 / 2));
                 self.step(now, &Sample::Remote(sample));
-                self.stick_held &= !self.outputs.duties.speed.is_some_and(is_neutral_stick);
+                // Frames that waited while the loop was held up tell how the stick was, not how it is.
+                let is_now = now >= self.board.excused_until;
+                let rests = is_now && self.outputs.duties.speed.is_some_and(is_neutral_stick);
+                self.stick_held &= !rests;
             }
         }
     }

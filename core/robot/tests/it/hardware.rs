@@ -196,6 +196,26 @@ fn stands_for_ms(bench: &mut Bench, ms: u64) -> bool {
     })
 }
 
+/// The loop is held up with the board lost; the stick rests while nobody reads, and is pushed then.
+#[test]
+fn a_stick_at_rest_that_was_read_late_is_not_let_go() {
+    let mut bench = driven_by_hand();
+    bench.board_silent = true;
+    bench.run_ms(300);
+    bench.board_silent = false;
+    bench.now = bench.now.plus_ms(3000);
+    for speed in [938, 938, 1000] {
+        bench.remote = sticks(speed, MANUAL);
+        bench.board_samples(20);
+    }
+    assert!(stands_for_ms(&mut bench, 1000), "held");
+    bench.remote = sticks(938, MANUAL);
+    bench.run_ms(50);
+    bench.remote = sticks(1000, MANUAL);
+    bench.run_ms(50);
+    assert_eq!(bench.motor.get(), 4000, "let go and pushed again");
+}
+
 #[test]
 fn a_receiver_that_sends_no_frames_any_more_is_lost_after_ten() {
     let mut bench = driven_by_hand();
