@@ -5,6 +5,9 @@ use crate::task::Task;
 use xtb_protocol::codec::json_bytes;
 use xtb_protocol::messages::{PAGE_BYTES, TaskChange, TaskId, TaskList};
 
+/// Tasks that have ended, in what is published: who wants to see more of them asks.
+const PUBLISHED_ENDED: usize = 100;
+
 /// What a part takes beside itself, in bytes of JSON: the comma.
 const BETWEEN: usize = 1;
 
@@ -24,10 +27,20 @@ impl Dispatcher {
     /// those that ended last, until there is no more room.
     #[must_use]
     pub fn list(&self, now_ms: u64) -> TaskList {
+        self.with_ended(usize::MAX, now_ms)
+    }
+
+    /// The same with no more than the 100 that ended last: what is published every second.
+    #[must_use]
+    pub fn published(&self, now_ms: u64) -> TaskList {
+        self.with_ended(PUBLISHED_ENDED, now_ms)
+    }
+
+    fn with_ended(&self, most: usize, now_ms: u64) -> TaskList {
         let store = self.store();
         let with_robot = store.open().filter(|task| task.assigned.is_some());
         let without = store.open().filter(|task| task.assigned.is_none());
-        let mut list = self.fill(now_ms, with_robot.chain(without).chain(store.ended()));
+        let mut list = self.fill(now_ms, with_robot.chain(without).chain(store.ended().take(most)));
         list.tasks.sort_by_key(|task| task.id);
         list.left_out = (store.tasks().count() - list.tasks.len()) as u64;
         list

@@ -95,6 +95,18 @@ fn a_list_that_is_too_long_has_what_is_under_way_first_then_what_waits_then_the_
 }
 
 #[test]
+fn what_is_published_has_all_that_is_open_and_the_last_hundred_that_ended() {
+    let mut bench = Bench::new(0);
+    submit_many(&mut bench, &goto(2.0, 0.0), 300);
+    bench.ask(DispatchBody::Cancel { tasks: (1..=250).map(TaskId::new).collect() });
+    bench.run_ms(2000);
+    let list = bench.dispatcher.published(bench.now_ms);
+    assert_eq!((ids(&list), list.left_out), ((151..=300).collect(), 150));
+    let asked = bench.dispatcher.list(bench.now_ms);
+    assert_eq!((asked.tasks.len(), asked.left_out), (300, 0));
+}
+
+#[test]
 fn an_answer_that_is_cut_has_what_went_wrong_first_and_counts_the_rest() {
     let mut bench = Bench::new(0);
     (0..20).for_each(|_| submit_many(&mut bench, &goto(2.0, 0.0), MAX_SUBMISSION));

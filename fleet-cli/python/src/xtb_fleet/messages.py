@@ -721,7 +721,8 @@ class TaskList(TypedDict):
     page (`tasks?after=t17`) has those that follow `t17`; the next page begins after its last
     one. Ids only grow, so that pages name each task once, as it was at the time of its page.
     What is published, and answered without `after`, has those with a robot first, then the
-    others that have not ended, then those that ended last."""
+    others that have not ended, then those that ended last: of these what is published has 100
+    at most."""
     at_ms: int
     """When, in ms since 1970."""
     ledger: int

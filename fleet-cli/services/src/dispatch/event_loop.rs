@@ -364,7 +364,7 @@ impl Work {
         Ok(())
     }
 
-    /// The list as it is; made anew only when something has changed.
+    /// The list for those who ask; made anew only when something has changed.
     fn list(&mut self) -> List {
         let now_ms = self.clock.ms();
         match &self.list {
@@ -388,8 +388,7 @@ impl Work {
         let (counters, usage) = (self.counters.clone(), self.usage.clone());
         self.told.send_replace(Standing::of(&self.dispatcher, self.clock.ms(), counters, usage));
         if self.requests.has_listeners().await {
-            let list = self.list();
-            self.requests.tell(&list).await;
+            self.requests.tell(&self.dispatcher.published(self.clock.ms())).await;
         }
     }
 
