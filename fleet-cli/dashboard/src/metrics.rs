@@ -288,7 +288,12 @@ fn services(out: &mut Sheet<'_, '_>, scene: &Scene) -> fmt::Result {
         *tasks.entry(reasons::name(&task.state)).or_default() += 1.0;
     }
     let tasks = tasks.into_iter().map(|(state, count)| (InState { state }, count));
-    out.gauges("fleet_tasks", "Tasks of the dispatcher, by state: the open ones and the last 100 that ended", None, tasks)
+    out.gauges(
+        "fleet_tasks",
+        "Tasks of the dispatcher, by state: the open ones and the last 100 that ended",
+        None,
+        tasks,
+    )
 }
 
 #[cfg(test)]

@@ -39,6 +39,8 @@ const TAKEN_OVER: Turn = ms(400);
 const NEUTRAL_STICK: f64 = (30.0 + 2.0 * 1.6) / 500.0;
 /// Three frames of the receiver: then the agent knows what the selector says.
 const NOTICED: Turn = ms(65);
+/// A board whose line is whole again is set up by then, and its receiver heard.
+const SET_UP: Turn = ms(400);
 /// A pulse this far from neutral turns the wheels: the dead band ends at 75 counts.
 const DRIVEN_COUNTS: u16 = 100;
 
@@ -99,6 +101,7 @@ pub(super) struct Devices {
     /// As the agent hears it, and as it is.
     manual: Since,
     selected: Since,
+    heard: Since,
     board: Since,
     board_frozen: Since,
     gyro: Since,
@@ -147,12 +150,13 @@ impl Devices {
             )
         };
         let board = self.board.update(now, dead(truth.board_line) || !truth.plugged[0]) > LINE;
-        // A device that is unplugged repeats nothing: that it does shows some time after it is plugged in.
-        let board_repeats = truth.plugged[0] && frozen(truth.board_line);
+        // A device that is unplugged repeats nothing: that it does shows some time after it is plugged in, and to an
+        // agent that was held up some time after it looks again.
+        let board_repeats = truth.reaches() && frozen(truth.board_line);
         let board_frozen = self.board_frozen.update(now, board_repeats) > FROZEN;
         let gyro = self.gyro.update(now, dead(truth.gyro_line) || !truth.plugged[1]) > LINE;
         let hears_gyro = truth.turned && truth.plugged[1] && truth.gyro_line == InjectedLineFault::None;
-        let gyro_repeats = (truth.plugged[1] && frozen(truth.gyro_line))
+        let gyro_repeats = (truth.turned && truth.plugged[1] && frozen(truth.gyro_line))
             || (hears_gyro && truth.sensors.gyro != GyroFault::None);
         let gyro_frozen = self.gyro_frozen.update(now, gyro_repeats) > FROZEN;
         let sensors = self.sensors(now, truth);
@@ -220,7 +224,9 @@ impl Devices {
         if selected == 0 && on && selector_manual {
             self.taken_from_owner = before.is_none_or(|before| now - before > TAKEN_OVER);
         }
-        if selected <= NOTICED {
+        let well = self.heard.update(now, truth.hears());
+        let settles = well <= SET_UP && well.abs_diff(selected) <= SET_UP;
+        if selected <= NOTICED || settles {
             self.taken_from_owner &= owned && heard;
         }
         (off, manual > TAKEN_OVER)

@@ -29,12 +29,13 @@ impl Oracle {
         if !each_time {
             let known = &mut self.answers[usize::from(to.name)];
             if let Some((_, before)) = known.iter().find(|(known, _)| *known == id) {
-                return match *before == answer {
-                    true => Ok(answer),
-                    false => {
-                        Err((Invariant::Requests, format!("answered {before:?} before, now {answer:?}")))
-                    }
-                };
+                if *before != answer {
+                    return Err((Invariant::Requests, format!("answered {before:?} before, now {answer:?}")));
+                }
+                if let Answer::Done { lease, .. } = answer {
+                    self.hears(now, to.name, lease); // it lives, and does not know of its grant yet
+                }
+                return Ok(answer);
             }
             if known.len() == REMEMBERED {
                 known.pop_front();
