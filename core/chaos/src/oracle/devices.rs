@@ -3,6 +3,7 @@
 use super::{Broken, Invariant};
 use crate::time::{Turn, ms};
 use xtb_control::PwmCount;
+use xtb_control::vehicle::SLOTS;
 use xtb_protocol::messages::Latch;
 use xtb_sim::faults::{
     DriveFault, EncoderFault, GyroFault, InjectedLineFault, RangeFinderFault, SensorFaults,
@@ -107,6 +108,7 @@ pub(super) struct Devices {
     gyro: Since,
     gyro_frozen: Since,
     converter: Since,
+    finders: [RangeFinderFault; 2 * SLOTS],
     finder_frozen: Since,
     finder_broken: Since,
     wild: Since,
@@ -179,7 +181,9 @@ impl Devices {
 
     fn sensors(&mut self, now: Turn, truth: &Truth) -> Option<&'static str> {
         let (finders, none) = (&truth.sensors.range_finders, &SensorFaults::default().range_finders);
-        let faulty = finders != none;
+        // Of another one it shows anew.
+        let same = std::mem::replace(&mut self.finders, *finders) == *finders;
+        let faulty = same && finders != none;
         let any = |one: RangeFinderFault| faulty && finders.contains(&one);
         // Scans that do not arrive show nothing.
         let heard = truth.hears();

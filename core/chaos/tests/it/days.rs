@@ -36,12 +36,13 @@ fn bad_days_break_no_rule() {
 /// stick at rest that came over a lossy line, one that was read at rest within the receiver's jitter, one that was
 /// pushed in the turn of a reset, a gyro that repeats itself but was not plugged in, one that did so while the loop was
 /// held up, a lease that its holder asked for again as it did not know of the grant, and a takeover that the board told
-/// of only after it was set up again, when the lease had expired.
+/// of only after it was set up again, when the lease had expired, and a range finder that repeats itself after another
+/// one did.
 #[test]
 fn days_that_the_oracle_misread_break_no_rule() {
     let seeds = [
         100_785, 108_462, 201_615, 208_263, 307_030, 1_202_447, 1_226_497, 1_237_461, 1_238_156, 1_261_099,
-        1_267_643, 1_269_138,
+        1_267_643, 1_269_138, 1_278_838,
     ];
     for seed in seeds {
         let report = day(seed);
@@ -56,12 +57,14 @@ fn an_empty_battery_stops_a_robot_whose_clock_has_gone_back() {
     assert!(report.violation.is_none(), "{report}");
 }
 
-/// The board was back while the loop was still held up: a stick at rest, read from the line only afterwards, let go of
-/// one that was pushed by then.
+/// The loop was held up, and the stick was not where it had been: at rest in frames that waited in the line, pushed since;
+/// held all the time, the board away for a while; pushed meanwhile.
 #[test]
-fn a_stick_at_rest_that_waited_in_the_line_lets_nothing_go() {
-    let report = day(1_251_951);
-    assert!(report.violation.is_none(), "{report}");
+fn a_stick_that_is_pushed_after_a_stalled_loop_does_not_drive() {
+    for seed in [1_251_951, 1_271_804, 1_272_623] {
+        let report = day(seed);
+        assert!(report.violation.is_none(), "{report}");
+    }
 }
 
 #[test]

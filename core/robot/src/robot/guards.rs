@@ -24,8 +24,8 @@ const QUIET_MS: u64 = 60;
 const RECEIVER_BACK_MS: u64 = 100;
 
 impl Robot {
-    /// A loop that was held up, or whose clock jumped: everything ends. After a jump back no age says
-    /// anything any more, so the lease is free and every input has to be heard anew.
+    /// A loop that was held up, or whose clock jumped: everything ends, and a stick that is held has to be let go.
+    /// After a jump back no age says anything any more, so the lease is free and every input has to be heard anew.
     pub(super) fn watch_loop(&mut self, now: Stamp) {
         let (late, last) = (self.is_late(now), self.turned.replace(now));
         if !late {
@@ -34,6 +34,7 @@ impl Robot {
         self.board.watch.look_anew(now);
         self.gyro.watch.look_anew(now);
         (self.board.speaks_since, self.board.starved) = (now, None);
+        self.stick_held = true;
         if last.is_some_and(|last| now < last) {
             self.agent.clock_went_back(now);
             (self.heard, self.board.open_since) = (Heard::default(), now);
