@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::{Notify, mpsc};
 use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::MissedTickBehavior;
@@ -168,6 +169,11 @@ async fn ask_on(client: Client, robot: Name, every: Duration, latest: Arc<Latest
     }
 }
 
+/// Whether the queue is full. Once nobody reads it any more nothing is missed.
+fn finds_no_room(queue: &mpsc::Sender<Event>, event: Event) -> bool {
+    matches!(queue.try_send(event), Err(TrySendError::Full(_)))
+}
+
 /// One robot's events, until it is dropped.
 pub struct Events {
     queue: mpsc::Receiver<Event>,
@@ -183,7 +189,7 @@ impl Events {
         let (sender, queue) = mpsc::channel(EVENT_QUEUE);
         let each = move |incoming: xtb_bus::Incoming| match incoming.decode::<Event>() {
             Ok(event) => {
-                if sender.try_send(event).is_err() {
+                if finds_no_room(&sender, event) {
                     tracing::warn!("event queue full: an event on {} was dropped", incoming.key);
                 }
             }
@@ -211,6 +217,22 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use super::*;
     use crate::fake;
+    use xtb_protocol::messages::EventKind;
+
+    #[test]
+    fn an_event_that_comes_when_nobody_reads_any_more_finds_no_full_queue() {
+        let event = |seq| Event {
+            robot: fake::name("xtb-1"),
+            epoch: 1,
+            seq,
+            tick_ms: 0,
+            kind: EventKind::Lease { holder: None },
+        };
+        let (sender, reader) = mpsc::channel(1);
+        assert!(!finds_no_room(&sender, event(1)) && finds_no_room(&sender, event(2)));
+        drop(reader);
+        assert!(!finds_no_room(&sender, event(3)));
+    }
 
     #[test]
     fn of_too_many_robots_the_one_that_was_silent_for_longest_is_dropped() {
