@@ -5,8 +5,11 @@ use crate::islands::{Islands, Ways};
 use crate::scene::{Lists, Scene};
 use crate::vehicle::Truck;
 
-/// So many steps trucks that are not near each other are moved on without looking at the others, at most.
-pub(crate) const WINDOW_STEPS: u64 = 10;
+/// So many steps, 200 ms, trucks that are not near each other are moved on without looking at the others, at most. With
+/// 1,000 robots each comes into the processor's cache once for as many; farther ahead more of them could meet.
+pub(crate) const WINDOW_STEPS: u64 = 40;
+/// Lists of those nearby hold for so many steps at least, if nobody goes farther than it can in these.
+const LIST_STEPS: u64 = 10;
 /// Nearer than this to a body's edge something matters to it, beside what it sees: more than the margin of a
 /// touch.
 const BESIDE_M: f64 = 0.05;
@@ -60,7 +63,7 @@ impl Bodies {
         self.ways.clear();
         self.ways.extend(trucks.iter().map(|truck| Ways {
             now_m: truck.farthest_m(steps, steepest),
-            later_m: truck.farthest_m(WINDOW_STEPS, steepest),
+            later_m: truck.farthest_m(LIST_STEPS, steepest),
         }));
         // Another program's is put elsewhere, or not at all.
         self.ways.resize(self.bodies.len(), Ways::default());

@@ -24,6 +24,7 @@ use crate::parameters::{Body, InfraredTruth};
 use crate::range_curves::{curve_v, sight_m};
 use crate::rng::Rng;
 use crate::scene::StepContext;
+use std::fmt;
 use xtb_control::range_curve::RangeCurve;
 use xtb_control::units::{ADC_FULL_SCALE, ADC_SUPPLY_V, AdcCount};
 use xtb_control::vehicle::{RangeFinder, RangeFinders as Fitted, SLOTS, USUAL_SLOTS};
@@ -107,14 +108,21 @@ pub(crate) struct RangeFinders {
     looked: Looked,
 }
 
-/// What the range finders of a truck that stands have seen of the world, so that none looks again.
-#[derive(Debug, Clone, Default)]
+/// What the range finders of a truck that stands have seen of the world, so that none looks again. What is kept depends
+/// on how far ahead the lists of what is near look, so it is no part of what a truck shows: what is seen does not.
+#[derive(Clone, Default)]
 struct Looked {
     /// The body's centre and direction.
     from: [(f64, f64); 2],
     /// With which stretch each has looked since the truck is there, without anything near that may move, and the voltage
     /// that comes of it.
     seen: [Option<(f64, Option<f64>)>; SENSORS],
+}
+
+impl fmt::Debug for Looked {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Looked")
+    }
 }
 
 impl Looked {

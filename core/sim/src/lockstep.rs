@@ -304,7 +304,9 @@ impl Lockstep {
         let now = self.now();
         let until = |next: Stamp| next.ns().saturating_sub(now.ns()).div_ceil(STEP_NS);
         let traffic = self.traffic.as_ref().and_then(Traffic::next);
-        let steps = traffic.map_or(WINDOW_STEPS, |next| until(next).clamp(1, WINDOW_STEPS));
+        // A path that somebody asks for is back at the earliest when the window ends.
+        let most = if goals { PLAN_MS * 1_000_000 / STEP_NS } else { WINDOW_STEPS };
+        let steps = traffic.map_or(most, |next| until(next).clamp(1, most));
         if !goals {
             return steps;
         }

@@ -41,11 +41,11 @@ fn fleet() -> Lockstep {
     fleet
 }
 
-/// Most wander, some drive to goals.
-fn set_off(fleet: &mut Lockstep) {
+/// Most wander, some drive to goals, if somebody shall.
+fn set_off(fleet: &mut Lockstep, goals: bool) {
     for robot in 0..ROBOTS {
         let body = match robot % 5 {
-            0 => {
+            0 if goals => {
                 let (x_m, y_m) = (7.0 - robot as f64 * 0.5, 8.0 - robot as f64 * 0.6);
                 let (via, on_link_loss) = (Some(Via::Planned), LinkLoss::Halt);
                 Body::Goto { x_m, y_m, yaw_rad: None, via, on_link_loss, finish_s: 300.0 }
@@ -100,21 +100,21 @@ fn disturb(fleet: &mut Lockstep, round: u64) {
 }
 
 /// Everything that a run shows, and how often trucks touched something.
-fn run(ahead: impl Fn(&mut Lockstep, u64)) -> (u64, u64) {
+fn run(goals: bool, ahead: impl Fn(&mut Lockstep, u64)) -> (u64, u64) {
     let mut fleet = fleet();
     let mut bits = DefaultHasher::new();
     ahead(&mut fleet, 100);
-    set_off(&mut fleet);
+    set_off(&mut fleet, goals);
     for round in 0..40 {
         ahead(&mut fleet, [1, 7, 203, 10, 320, 160][round as usize % 6]);
         disturb(&mut fleet, round);
-        if round == 20 {
+        if goals && round == 20 {
             let map = fleet.simulation().world().to_map(0.05).unwrap();
             let mut traffic = Traffic::new(&map, 3);
             traffic.lost = 0.1;
             fleet.set_traffic(Some(traffic));
         }
-        if round == 32 {
+        if goals && round == 32 {
             fleet.traffic_mut().unwrap().kill();
         }
         format!("{:?}", fleet.simulation().trucks()).hash(&mut bits);
@@ -125,12 +125,22 @@ fn run(ahead: impl Fn(&mut Lockstep, u64)) -> (u64, u64) {
     (bits.finish(), fleet.simulation().truths().map(|truth| truth.contacts).sum())
 }
 
+fn is_the_same_in_windows_and_on(threads: &[usize], goals: bool) {
+    let one_by_one = run(goals, |fleet, steps| (0..steps).for_each(|_| fleet.step()));
+    assert!(one_by_one.1 > 1, "{} contacts", one_by_one.1);
+    assert_eq!(run(goals, |fleet, steps| fleet.run(steps, &Sequential)), one_by_one, "in windows");
+    for &threads in threads {
+        let many = run(goals, |fleet, steps| fleet.run(steps, &Threads(threads)));
+        assert_eq!(many, one_by_one, "{threads} threads");
+    }
+}
+
 #[test]
 fn neither_windows_nor_threads_change_a_bit() {
-    let one_by_one = run(|fleet, steps| (0..steps).for_each(|_| fleet.step()));
-    assert!(one_by_one.1 > 1, "{} contacts", one_by_one.1);
-    assert_eq!(run(|fleet, steps| fleet.run(steps, &Sequential)), one_by_one, "in windows");
-    for threads in [1, 2, 3, 8] {
-        assert_eq!(run(|fleet, steps| fleet.run(steps, &Threads(threads))), one_by_one, "{threads} threads");
-    }
+    is_the_same_in_windows_and_on(&[1, 2, 3, 8], true);
+}
+
+#[test]
+fn nor_do_the_longer_windows_of_a_fleet_without_planned_goals() {
+    is_the_same_in_windows_and_on(&[3], false);
 }

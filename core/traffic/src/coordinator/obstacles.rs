@@ -1,6 +1,6 @@
 //! What is driven around: found by the cells of a way, so that no way is held against all of it.
 
-use super::discretized_path::{CELL_M, DiscretizedPath, cell_of};
+use super::discretized_path::{CELL_M, DiscretizedPath, STEP_M, cell_of};
 use super::job::Block;
 use super::occupancy::circle;
 use super::separation::{driven_separation_m, separation_m};
@@ -65,20 +65,21 @@ impl<'a> Obstacles<'a> {
         indices.into_iter().map(|index| &self.all[index])
     }
 
-    /// Whether what is not released yet of a truck's way leads through another one of `these`.
-    pub(super) fn meet(&self, truck: &Truck, these: &BTreeSet<u32>) -> bool {
+    /// Whether what is not released yet of a truck's way leads through another one of `these`, within so many m of
+    /// way each.
+    pub(super) fn meet(&self, truck: &Truck, these: &BTreeMap<u32, f64>) -> bool {
         let Some(route) = truck.route.as_ref().filter(|route| route.live) else { return false };
-        let mut others = self
-            .along(&route.way)
-            .filter(|there| there.block.id != truck.id && these.contains(&there.block.id));
-        others.any(|there| meets(truck, there))
+        let mut others = self.along(&route.way).filter(|there| there.block.id != truck.id);
+        others.any(|there| these.get(&there.block.id).is_some_and(|&within_m| meets(truck, there, within_m)))
     }
 }
 
-/// Whether what is not released yet of a truck's way leads through something.
-fn meets(truck: &Truck, there: &Obstacle<'_>) -> bool {
+/// Whether what is not released yet of a truck's way leads through something, within so many m.
+fn meets(truck: &Truck, there: &Obstacle<'_>, within_m: f64) -> bool {
     let Some(route) = truck.route.as_ref().filter(|route| route.live) else { return false };
-    let mut rest = route.way.stands[route.release + 1..].iter().filter(|stand| there.is_near(stand, 0.0));
+    let most = (within_m / STEP_M) as usize;
+    let rest = route.way.stands[route.release + 1..].iter().take(most);
+    let mut rest = rest.filter(|stand| there.is_near(stand, 0.0));
     let Some(first) = rest.next() else { return false };
     let separation_m = block_separation_m(truck, there.block);
     let meets = |stand: &Stand| there.block.stands.iter().any(|there| stand.conflicts(there, separation_m));

@@ -181,6 +181,27 @@ fn among_many_one_whose_goal_is_another_ones_place_gets_a_way_in_the_same_job_as
 }
 
 #[test]
+fn one_that_waits_for_a_way_itself_turns_away_only_who_is_near() {
+    let led_with_b_at = |x_m: f64, goal| {
+        let mut coordinator = Coordinator::new(Arc::new(room(20.0, 4.0, &[])), 1);
+        let a = view("a", pose(1.0, 2.0, 0.0), Some((1, 18.0, 2.0)));
+        let told = listen(&mut coordinator, 1000, std::slice::from_ref(&a));
+        assert!(told[0].path.is_some(), "{told:?}");
+        for turn in 0..15 {
+            let now = Stamp::from_ms(5000 + 200 * turn);
+            coordinator.robot(now, a.clone());
+            coordinator.robot(now, view("b", pose(x_m, 2.0, 0.0), goal));
+            coordinator.tick(now);
+        }
+        coordinator.names().0
+    };
+    let goal = Some((2, 18.0, 1.0));
+    assert_eq!(led_with_b_at(12.0, goal), ["a"]);
+    assert!(led_with_b_at(4.0, goal).is_empty());
+    assert!(led_with_b_at(12.0, None).is_empty(), "it stands there for good");
+}
+
+#[test]
 fn a_result_for_an_earlier_goal_is_not_used() {
     let mut coordinator = coordinator();
     coordinator.tick(Stamp::from_ms(1000));
