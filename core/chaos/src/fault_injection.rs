@@ -23,7 +23,13 @@ impl Scenario {
                 self.posts[usize::from(robot)].process.hold(now + turns);
                 self.network.hold(End::Robot(robot), turns);
             }
-            Change::JumpClock { robot, ms } => self.posts[usize::from(robot)].process.jump_clock(ms),
+            Change::JumpClock { robot, ms } => {
+                let post = &mut self.posts[usize::from(robot)];
+                post.process.jump_clock(ms);
+                if ms < 0 {
+                    post.oracle.clock_went_back(now);
+                }
+            }
             Change::StickClock { robot, turns } => {
                 self.posts[usize::from(robot)].process.stick_clock(now + turns);
             }

@@ -214,6 +214,11 @@ impl Oracle {
         self.devices.stick_free = false;
     }
 
+    /// The agent's clock went back.
+    pub(crate) fn clock_went_back(&mut self, now: Turn) {
+        self.devices.clock_went_back(now);
+    }
+
     fn cut(&mut self, why: Cut) {
         (self.goal, self.setpoint, self.armed, self.cut) = (None, None, false, why);
     }

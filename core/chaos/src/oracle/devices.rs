@@ -84,6 +84,11 @@ impl Since {
         self.0 = so.then(|| self.0.unwrap_or(now));
         self.0.map_or(0, |since| now - since)
     }
+
+    /// Not so for long, as it has not been so for more than `limit` yet.
+    fn restart(&mut self, now: Turn, limit: Turn) {
+        self.0 = self.0.map(|since| if now - since <= limit { now } else { since });
+    }
 }
 
 /// What must stand because of a truck's devices and its transmitter.
@@ -130,6 +135,11 @@ impl Devices {
     /// As a new agent has to find it all out.
     pub(super) fn anew(&self) -> Self {
         Self { manual_last: self.manual_last, ..Self::default() }
+    }
+
+    /// No time from before counts for the agent; what it has found to be broken stays so.
+    pub(super) fn clock_went_back(&mut self, now: Turn) {
+        self.empty.restart(now, BATTERY);
     }
 
     /// Latches were reset. A reset never moves: a stick that they held must be let go first.
@@ -252,7 +262,8 @@ impl Devices {
             let detail = format!("driven at {} counts for 1 s without a pulse", truth.motor);
             return Err((Invariant::Devices, detail));
         }
-        let by_itself = reached && counts == 0 && truth.speed_mps.abs() > 0.1 && !no_pulses;
+        let counted = truth.sensors.encoder == EncoderFault::None;
+        let by_itself = reached && counts == 0 && truth.speed_mps.abs() > 0.1 && counted;
         if self.runaway.update(now, by_itself) > RUNAWAY && !latched(Latch::Runaway) {
             let detail = format!("{:.2} m/s without a command, but no latch is set", truth.speed_mps);
             return Err((Invariant::Devices, detail));
