@@ -326,6 +326,7 @@ impl TaskStore {
             self.ended.retain(|ended| *ended != id);
         }
         if is_final {
+            task.steps.shrink_to_fit(); // thousands are remembered
             self.ended.push_back(id);
             self.forget();
         }

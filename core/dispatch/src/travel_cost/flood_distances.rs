@@ -29,13 +29,15 @@ pub(super) struct FloodDistances {
 struct Kept {
     fields: BTreeMap<Place, Field>,
     oldest: VecDeque<Place>,
+    /// Cells of each; 0 = there was none yet.
+    cells: usize,
     /// Cells that this round may still flood.
     left: usize,
 }
 
 impl FloodDistances {
     pub(super) fn new(room: GridRoom) -> Self {
-        let kept = Kept { fields: BTreeMap::new(), oldest: VecDeque::new(), left: ROUND_CELLS };
+        let kept = Kept { fields: BTreeMap::new(), oldest: VecDeque::new(), cells: 0, left: ROUND_CELLS };
         Self { room, kept: Mutex::new(kept) }
     }
 
@@ -59,12 +61,13 @@ impl FloodDistances {
         if kept.left == 0 {
             return None;
         }
-        let field = Field::new(&self.room, core_m, &[], [to.x_m, to.y_m]);
-        let cells = field.cells();
-        kept.left = kept.left.saturating_sub(cells);
-        while !kept.oldest.is_empty() && (kept.oldest.len() + 1) * cells > KEPT_CELLS {
-            kept.oldest.pop_front().map(|oldest| kept.fields.remove(&oldest));
-        }
+        // In the memory of the oldest one, where there are many: tasks that stay for long would lie in its gaps.
+        let most = (KEPT_CELLS / kept.cells.max(1)).max(1);
+        let oldest = if kept.oldest.len() < most { None } else { kept.oldest.pop_front() };
+        let before = oldest.and_then(|place| kept.fields.remove(&place));
+        let field = Field::in_place_of(before, &self.room, core_m, &[], [to.x_m, to.y_m]);
+        kept.cells = field.cells();
+        kept.left = kept.left.saturating_sub(kept.cells);
         kept.oldest.push_back(place);
         kept.fields.insert(place, field);
         Some(())

@@ -29,7 +29,20 @@ impl Field {
     /// Floods the floor from the goal around fixed things and standing bodies.
     #[must_use]
     pub fn new(room: &dyn RoomGeometry, half_width_m: f64, standing: &[Rect], goal_m: [f64; 2]) -> Self {
-        let (mut field, open) = Self::unknown(room, half_width_m, standing);
+        Self::in_place_of(None, room, half_width_m, standing, goal_m)
+    }
+
+    /// The same, in the memory of another one that is no longer needed.
+    #[must_use]
+    pub fn in_place_of(
+        before: Option<Self>,
+        room: &dyn RoomGeometry,
+        half_width_m: f64,
+        standing: &[Rect],
+        goal_m: [f64; 2],
+    ) -> Self {
+        let memory = before.map(|field| field.distance).unwrap_or_default();
+        let (mut field, open) = Self::unknown(memory, room, half_width_m, standing);
         let goal = field.index(goal_m[0], goal_m[1]);
         field.flood(goal.into_iter(), &open, room.one_way());
         field
@@ -38,7 +51,7 @@ impl Field {
     /// Floods it from everywhere off these places: how far it is out of the way.
     #[must_use]
     pub fn aside(room: &dyn RoomGeometry, half_width_m: f64, standing: &[Rect], taken: &[Rect]) -> Self {
-        let (mut field, open) = Self::unknown(room, half_width_m, standing);
+        let (mut field, open) = Self::unknown(Vec::new(), room, half_width_m, standing);
         let mut free = open.clone();
         for rect in taken {
             field.close_near(&mut free, rect, half_width_m);
@@ -49,11 +62,18 @@ impl Field {
     }
 
     /// Without any distance yet, and where a truck's middle can be.
-    fn unknown(room: &dyn RoomGeometry, half_width_m: f64, standing: &[Rect]) -> (Self, Vec<bool>) {
+    fn unknown(
+        mut distance: Vec<u32>,
+        room: &dyn RoomGeometry,
+        half_width_m: f64,
+        standing: &[Rect],
+    ) -> (Self, Vec<bool>) {
         let [low, high] = room.corners_m();
         let cells = |axis: usize| (libm::ceil((high[axis] - low[axis]) / CELL_M) as usize).clamp(1, 4000);
         let (width, height) = (cells(0), cells(1));
-        let field = Self { origin_m: low, width, height, distance: vec![u32::MAX; width * height] };
+        distance.clear();
+        distance.resize(width * height, u32::MAX);
+        let field = Self { origin_m: low, width, height, distance };
         let keep = half_width_m - SLACK_M;
         let mut open: Vec<bool> = (0..width * height)
             .map(|index| {
