@@ -25,11 +25,13 @@ pub enum NameError {
 }
 
 /// The name of a fleet, a robot or a client: 1–32 of `a-z 0-9 -`.
-/// Its clones share one text: states, tasks and histories name the same few robots over and over.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(try_from = "String", into = "String")]
-pub struct Name(Arc<str>);
+pub struct Name(
+    // Clones share it: states, tasks and histories name the same few robots over and over.
+    Arc<str>,
+);
 
 impl Name {
     /// # Errors

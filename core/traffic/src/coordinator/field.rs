@@ -174,4 +174,15 @@ mod tests {
         assert!((5.0..7.0).contains(&around), "{around}");
         assert_eq!(way_m(4.0), None);
     }
+
+    #[test]
+    fn in_the_memory_of_another_room_the_distances_are_those_of_its_own() {
+        let wall = |side_m: f64, wall_m: f64| GridRoom::with(side_m, 4.0, &[[2.0, 0.0, 0.05, wall_m]]);
+        let (wide, narrow) = (wall(8.0, 4.0), wall(4.0, 3.0));
+        for (before, now) in [(&wide, &narrow), (&narrow, &wide)] {
+            let other = Field::new(before, 0.2, &[], [3.0, 3.0]);
+            let again = Field::in_place_of(Some(other), now, 0.2, &[], [1.0, 0.5]);
+            assert_eq!(again.distance, Field::new(now, 0.2, &[], [1.0, 0.5]).distance);
+        }
+    }
 }
