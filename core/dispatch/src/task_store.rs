@@ -61,7 +61,8 @@ pub struct TaskStore {
     /// The copy without which nothing is acknowledged.
     #[serde(default)]
     pair: Option<u64>,
-    tasks: BTreeMap<TaskId, Task>,
+    /// Boxed, since the nodes of a map that only grows at its end stay half empty.
+    tasks: BTreeMap<TaskId, Box<Task>>,
     /// In the order of their ends.
     ended: VecDeque<TaskId>,
     /// Which task is on a robot. Derived.
@@ -150,27 +151,27 @@ impl TaskStore {
     /// A task.
     #[must_use]
     pub fn task(&self, id: TaskId) -> Option<&Task> {
-        self.tasks.get(&id)
+        self.tasks.get(&id).map(Box::as_ref)
     }
 
     /// All tasks that are remembered, oldest first.
     pub fn tasks(&self) -> impl Iterator<Item = &Task> {
-        self.tasks.values()
+        self.tasks.values().map(Box::as_ref)
     }
 
     /// Those that follow another one, oldest first.
     pub fn tasks_after(&self, after: TaskId) -> impl Iterator<Item = &Task> {
-        self.tasks.range((Bound::Excluded(after), Bound::Unbounded)).map(|(_, task)| task)
+        self.tasks.range((Bound::Excluded(after), Bound::Unbounded)).map(|(_, task)| task.as_ref())
     }
 
     /// Those that have ended and are remembered, the last one first.
     pub fn ended(&self) -> impl Iterator<Item = &Task> {
-        self.ended.iter().rev().filter_map(|id| self.tasks.get(id))
+        self.ended.iter().rev().filter_map(|id| self.task(*id))
     }
 
     /// Those that have not ended, oldest first.
     pub fn open(&self) -> impl Iterator<Item = &Task> {
-        self.tasks.values().filter(|task| !task.state.is_final())
+        self.tasks().filter(|task| !task.state.is_final())
     }
 
     /// How many have not ended.
@@ -182,7 +183,7 @@ impl TaskStore {
     /// The task that is on a robot.
     #[must_use]
     pub fn on(&self, robot: &Name) -> Option<&Task> {
-        self.on.get(robot).and_then(|id| self.tasks.get(id))
+        self.on.get(robot).and_then(|id| self.task(*id))
     }
 
     /// Robots with a task.
@@ -233,7 +234,8 @@ impl TaskStore {
                 self.next_task += 1;
                 self.keys.entry(*key).or_default().push(*task);
                 let map = self.map_of(entry.v);
-                self.tasks.insert(*task, Task::new(*task, by.clone(), *key, (**spec).clone(), map, at_ms));
+                let new = Task::new(*task, by.clone(), *key, (**spec).clone(), map, at_ms);
+                self.tasks.insert(*task, Box::new(new));
             }
             Record::Assigned { task: id, robot, seq } => {
                 if *seq < self.next_seq {
@@ -348,7 +350,7 @@ impl TaskStore {
         }
     }
 
-    fn open_task(tasks: &mut BTreeMap<TaskId, Task>, id: TaskId) -> Result<&mut Task, String> {
+    fn open_task(tasks: &mut BTreeMap<TaskId, Box<Task>>, id: TaskId) -> Result<&mut Task, String> {
         let task = tasks.get_mut(&id).ok_or_else(|| format!("no task {id}"))?;
         if task.state.is_final() { Err(format!("{id} has already ended")) } else { Ok(task) }
     }
