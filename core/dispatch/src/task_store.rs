@@ -61,8 +61,7 @@ pub struct TaskStore {
     /// The copy without which nothing is acknowledged.
     #[serde(default)]
     pair: Option<u64>,
-    /// Boxed, since the nodes of a map that only grows at its end stay half empty.
-    tasks: BTreeMap<TaskId, Box<Task>>,
+    tasks: BTreeMap<TaskId, Task>,
     /// In the order of their ends.
     ended: VecDeque<TaskId>,
     /// Which task is on a robot. Derived.
@@ -151,27 +150,27 @@ impl TaskStore {
     /// A task.
     #[must_use]
     pub fn task(&self, id: TaskId) -> Option<&Task> {
-        self.tasks.get(&id).map(Box::as_ref)
+        self.tasks.get(&id)
     }
 
     /// All tasks that are remembered, oldest first.
     pub fn tasks(&self) -> impl Iterator<Item = &Task> {
-        self.tasks.values().map(Box::as_ref)
+        self.tasks.values()
     }
 
     /// Those that follow another one, oldest first.
     pub fn tasks_after(&self, after: TaskId) -> impl Iterator<Item = &Task> {
-        self.tasks.range((Bound::Excluded(after), Bound::Unbounded)).map(|(_, task)| task.as_ref())
+        self.tasks.range((Bound::Excluded(after), Bound::Unbounded)).map(|(_, task)| task)
     }
 
     /// Those that have ended and are remembered, the last one first.
     pub fn ended(&self) -> impl Iterator<Item = &Task> {
-        self.ended.iter().rev().filter_map(|id| self.task(*id))
+        self.ended.iter().rev().filter_map(|id| self.tasks.get(id))
     }
 
     /// Those that have not ended, oldest first.
     pub fn open(&self) -> impl Iterator<Item = &Task> {
-        self.tasks().filter(|task| !task.state.is_final())
+        self.tasks.values().filter(|task| !task.state.is_final())
     }
 
     /// How many have not ended.
@@ -183,7 +182,7 @@ impl TaskStore {
     /// The task that is on a robot.
     #[must_use]
     pub fn on(&self, robot: &Name) -> Option<&Task> {
-        self.on.get(robot).and_then(|id| self.task(*id))
+        self.on.get(robot).and_then(|id| self.tasks.get(id))
     }
 
     /// Robots with a task.
@@ -234,8 +233,7 @@ impl TaskStore {
                 self.next_task += 1;
                 self.keys.entry(*key).or_default().push(*task);
                 let map = self.map_of(entry.v);
-                let new = Task::new(*task, by.clone(), *key, (**spec).clone(), map, at_ms);
-                self.tasks.insert(*task, Box::new(new));
+                self.tasks.insert(*task, Task::new(*task, by.clone(), *key, (**spec).clone(), map, at_ms));
             }
             Record::Assigned { task: id, robot, seq } => {
                 if *seq < self.next_seq {
@@ -350,7 +348,7 @@ impl TaskStore {
         }
     }
 
-    fn open_task(tasks: &mut BTreeMap<TaskId, Box<Task>>, id: TaskId) -> Result<&mut Task, String> {
+    fn open_task(tasks: &mut BTreeMap<TaskId, Task>, id: TaskId) -> Result<&mut Task, String> {
         let task = tasks.get_mut(&id).ok_or_else(|| format!("no task {id}"))?;
         if task.state.is_final() { Err(format!("{id} has already ended")) } else { Ok(task) }
     }
