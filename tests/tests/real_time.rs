@@ -4,11 +4,16 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
-use fleet_tests::Rig;
 use fleet_tests::load::{self, Flood};
 use fleet_tests::mesh::Mesh;
-use std::time::Duration;
+use fleet_tests::slow_link::{LinkQuality, SlowLink};
+use fleet_tests::{Rig, eventually, name};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 use tokio::sync::Mutex;
+use xtb_bus::{Opening, SessionRole};
+use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{GoalState, GoalStatus};
 
 /// Held by the test that runs.
@@ -89,6 +94,74 @@ async fn robots_of_a_dead_router_go_on_at_another_one_and_the_others_do_not_noti
         mesh.lists_all().await;
         mesh.restart_router().await;
     }
+}
+
+/// A computer that falls asleep, or leaves the radio cell, while it listens to the whole fleet.
+#[tokio::test(flavor = "multi_thread")]
+async fn who_listens_over_a_dead_link_holds_up_nobody_else() {
+    const STATE_BYTES: usize = 8 * 1024;
+    /// More than the link and the system's buffers hold, many times.
+    const STATES: usize = 4000;
+    /// Zenoh waits 5 s for a queue before it closes the link behind it.
+    const MOST_SILENT: Duration = Duration::from_secs(3);
+    /// Nobody takes the dead link for lost meanwhile.
+    const LEASE: Duration = Duration::from_secs(300);
+    let _alone = MACHINE.lock().await; // Zenoh's threads belong to the process
+    let open = |role| Opening::of(role).link_lease(LEASE);
+    let router = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
+    let router = open(router).once().await.unwrap();
+    let endpoint = router.locators().await.remove(0);
+    let link = SlowLink::open(&endpoint, LinkQuality::default(), 6).await;
+    let client = |endpoint: &str| open(SessionRole::Client { connect: vec![endpoint.to_owned()] });
+    let asleep = client(link.endpoint()).once().await.unwrap();
+    let awake = client(&endpoint).once().await.unwrap();
+    let mut robots = Vec::new();
+    for number in 1..=3 {
+        let keys = FleetKeys::new(name("lab")).robot(&name(&format!("xtb-{number}")));
+        robots.push((client(&endpoint).once().await.unwrap(), keys));
+    }
+
+    // How many states came, when the last one did, and the longest time without one.
+    let heard = Arc::new(std::sync::Mutex::new((0, Instant::now(), Duration::ZERO)));
+    let hear = {
+        let heard = heard.clone();
+        move |_| {
+            let (count, last, silent) = &mut *heard.lock().unwrap();
+            (*count, *silent) = (*count + 1, (*silent).max(last.elapsed()));
+            *last = Instant::now();
+        }
+    };
+    let _states = awake.subscribe_raw("xtb/lab/*/state", hear).await.unwrap();
+    let listens = Arc::new(AtomicBool::new(false));
+    let hear = {
+        let listens = listens.clone();
+        move |_| listens.store(true, Ordering::Relaxed)
+    };
+    let _all = asleep.subscribe_raw("xtb/lab/**", hear).await.unwrap();
+    let speak = async || {
+        for (robot, keys) in &robots {
+            for _ in 0..8 {
+                let state = vec![7; STATE_BYTES];
+                robot.put_raw(&keys.state(), &Channel::State, "zenoh/bytes", state).await.unwrap();
+            }
+            robot.put_raw(&keys.event(), &Channel::Event, "zenoh/bytes", vec![7; 100]).await.unwrap();
+        }
+    };
+    eventually("both listen", || async {
+        speak().await;
+        (listens.load(Ordering::Relaxed) && heard.lock().unwrap().0 > 0).then_some(())
+    })
+    .await;
+
+    link.stall(true);
+    *heard.lock().unwrap() = (0, Instant::now(), Duration::ZERO);
+    let silent = eventually("the states", || async {
+        speak().await;
+        let (count, last, silent) = *heard.lock().unwrap();
+        (count >= STATES).then(|| silent.max(last.elapsed()))
+    })
+    .await;
+    assert!(silent < MOST_SILENT, "{silent:?} without a state");
 }
 
 #[allow(clippy::print_stderr)] // people who run the tests shall see it
