@@ -69,7 +69,7 @@ impl Qos {
     const COMMAND: Self = Self::new(Congestion::Block, Priority::InteractiveLow, true);
     /// What many listen to: dropped where somebody's queue is full, since to wait for one would hold up all others,
     /// and stops with them.
-    const NEWS: Self = Self::new(Congestion::Drop, Priority::Data, false);
+    const EVENTS: Self = Self::new(Congestion::Drop, Priority::Data, false);
     /// Never dropped: a question and its answer.
     const RELIABLE: Self = Self::new(Congestion::Block, Priority::Data, true);
 }
@@ -205,9 +205,9 @@ channels! {
         /// [`Sensors`](crate::messages::Sensors), 10 Hz while somebody listens.
         Sensors: sensors, SENSORS, "sensors", SAMPLES;
         /// [`Event`](crate::messages::Event): mode changes, goal results, faults; recoverable.
-        Event: event, EVENT, "event", NEWS;
+        Event: event, EVENT, "event", EVENTS;
         /// The same in JSON.
-        EventJson: event_json, EVENT_JSON, "event/json", NEWS;
+        EventJson: event_json, EVENT_JSON, "event/json", EVENTS;
         /// [`About`](crate::messages::About), the factsheet, queryable.
         About: about, ABOUT, "about", RELIABLE;
         /// [`Fix`](crate::messages::Fix), measured poses.
@@ -252,9 +252,9 @@ channels! {
         /// [`FleetHomes`](crate::messages::FleetHomes): who is at a dock or on the way to one, queryable.
         DispatchHomes: dispatch_homes, DISPATCH_HOMES, "dispatch/homes", RELIABLE;
         /// [`TaskEvent`](crate::messages::TaskEvent), each change of a task; recoverable.
-        DispatchEvent: dispatch_event, DISPATCH_EVENT, "dispatch/event", NEWS;
+        DispatchEvent: dispatch_event, DISPATCH_EVENT, "dispatch/event", EVENTS;
         /// [`FleetAlerts`](crate::messages::FleetAlerts), what needs a person; also a queryable.
-        DispatchAlerts: dispatch_alerts, DISPATCH_ALERTS, "dispatch/alerts", NEWS;
+        DispatchAlerts: dispatch_alerts, DISPATCH_ALERTS, "dispatch/alerts", EVENTS;
         /// [`HistoryRequest`](crate::messages::HistoryRequest) → [`HistoryReply`](crate::messages::HistoryReply).
         DispatchHistory: dispatch_history, DISPATCH_HISTORY, "dispatch/history", RELIABLE;
         /// [`Truth`](crate::messages::Truth) of the simulator, JSON, 20 Hz while somebody listens.
