@@ -115,9 +115,11 @@ async fn who_listens_over_a_dead_link_holds_up_nobody_else() {
     let client = |endpoint: &str| open(SessionRole::Client { connect: vec![endpoint.to_owned()] });
     let asleep = client(link.endpoint()).once().await.unwrap();
     let awake = client(&endpoint).once().await.unwrap();
+    let fleet = FleetKeys::new(name("lab"));
+    let estop_all = fleet.estop_all(Some(&name("cli-1")));
     let mut robots = Vec::new();
     for number in 1..=3 {
-        let keys = FleetKeys::new(name("lab")).robot(&name(&format!("xtb-{number}")));
+        let keys = fleet.robot(&name(&format!("xtb-{number}")));
         robots.push((client(&endpoint).once().await.unwrap(), keys));
     }
 
@@ -145,6 +147,8 @@ async fn who_listens_over_a_dead_link_holds_up_nobody_else() {
                 robot.put_raw(&keys.state(), &Channel::State, "zenoh/bytes", state).await.unwrap();
             }
             robot.put_raw(&keys.event(), &Channel::Event, "zenoh/bytes", vec![7; 100]).await.unwrap();
+            let estop = Channel::EstopAll(name("cli-1")); // as somebody repeats it until all have acknowledged
+            robot.put_raw(&estop_all, &estop, "zenoh/bytes", vec![7; 100]).await.unwrap();
         }
     };
     eventually("both listen", || async {

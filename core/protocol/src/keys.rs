@@ -61,14 +61,14 @@ impl Qos {
     const SAMPLES: Self = Self::new(Congestion::Drop, Priority::DataLow, false);
     /// Large, and in no hurry.
     const BULK: Self = Self::new(Congestion::Drop, Priority::Background, false);
-    /// Before all others, never dropped.
-    const ESTOP: Self = Self::new(Congestion::Block, Priority::RealTime, true);
+    /// Before all others. Dropped where a queue is full, which then holds the same stop: it is sent again until it is
+    /// acknowledged, and nobody's full queue holds up the stop of others.
+    const ESTOP: Self = Self::new(Congestion::Drop, Priority::RealTime, true);
     /// Steers by hand.
     const SETPOINT: Self = Self::new(Congestion::Drop, Priority::InteractiveHigh, true);
     /// Never dropped, and not kept waiting by states that come again and again: a stop is one.
     const COMMAND: Self = Self::new(Congestion::Block, Priority::InteractiveLow, true);
-    /// What many listen to: dropped where somebody's queue is full, since to wait for one would hold up all others,
-    /// and stops with them.
+    /// What many listen to: dropped where somebody's queue is full, since to wait for one would hold up all others.
     const EVENTS: Self = Self::new(Congestion::Drop, Priority::Data, false);
     /// Never dropped: a question and its answer.
     const RELIABLE: Self = Self::new(Congestion::Block, Priority::Data, true);

@@ -49,7 +49,7 @@ class Qos:
 REQUEST = Qos(zenoh.CongestionControl.BLOCK, zenoh.Priority.DATA)
 COMMAND = Qos(zenoh.CongestionControl.BLOCK, zenoh.Priority.INTERACTIVE_LOW)
 SETPOINT = Qos(zenoh.CongestionControl.DROP, zenoh.Priority.INTERACTIVE_HIGH)
-ESTOP = Qos(zenoh.CongestionControl.BLOCK, zenoh.Priority.REAL_TIME)
+ESTOP = Qos(zenoh.CongestionControl.DROP, zenoh.Priority.REAL_TIME)
 
 
 @dataclass(frozen=True)
