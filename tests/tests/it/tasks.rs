@@ -132,7 +132,7 @@ impl Lab {
             if let Some(task) = task.filter(|task| task["state"] == state) {
                 return task.clone();
             }
-            assert!(Instant::now() < give_up, "{id} is not {state}: {task:?}");
+            assert!(Instant::now() < give_up, "{id} is not {state}: {task:?}; {:?}", self.run("list").lines);
         }
     }
 
