@@ -61,8 +61,8 @@ impl Qos {
     const SAMPLES: Self = Self::new(Congestion::Drop, Priority::DataLow, false);
     /// Large, and in no hurry.
     const BULK: Self = Self::new(Congestion::Drop, Priority::Background, false);
-    /// Before all others. Dropped where a queue is full, which then holds the same stop: it is sent again until it is
-    /// acknowledged, and nobody's full queue holds up the stop of others.
+    /// Before all others. Dropped where somebody's queue is full, since to wait for one would hold up the stop of all
+    /// others: it is sent again until it is acknowledged.
     const ESTOP: Self = Self::new(Congestion::Drop, Priority::RealTime, true);
     /// Steers by hand.
     const SETPOINT: Self = Self::new(Congestion::Drop, Priority::InteractiveHigh, true);
