@@ -4,20 +4,68 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+use fleet_tests::identities::{Access, Pki};
 use fleet_tests::load::{self, Flood};
 use fleet_tests::mesh::Mesh;
+use fleet_tests::processes::RouterProcess;
 use fleet_tests::slow_link::{LinkQuality, SlowLink};
 use fleet_tests::{Rig, eventually, name};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tokio::sync::Mutex;
-use xtb_bus::{Opening, SessionRole};
+use xtb_bus::{Incoming, Opening, SessionRole};
 use xtb_protocol::keys::{Channel, FleetKeys};
 use xtb_protocol::messages::{GoalState, GoalStatus};
 
 /// Held by the test that runs.
 static MACHINE: Mutex<()> = Mutex::const_new(());
+
+/// Somebody who hears what is published.
+#[derive(Clone)]
+struct Listener(Arc<std::sync::Mutex<Heard>>);
+
+#[derive(Clone, Copy)]
+struct Heard {
+    count: usize,
+    last: Instant,
+    /// The longest time without a message.
+    silent: Duration,
+}
+
+impl Listener {
+    fn new() -> Self {
+        Self(Arc::new(std::sync::Mutex::new(Heard::nothing())))
+    }
+
+    fn hears(&self) -> impl Fn(Incoming) + Send + Sync + use<> {
+        let heard = self.0.clone();
+        move |_| {
+            let mut heard = heard.lock().unwrap();
+            *heard = Heard { count: heard.count + 1, ..heard.until_now() };
+        }
+    }
+
+    /// Since it was last told to begin.
+    fn heard(&self) -> Heard {
+        let heard = *self.0.lock().unwrap();
+        Heard { silent: heard.until_now().silent, ..heard }
+    }
+
+    fn begin(&self) {
+        *self.0.lock().unwrap() = Heard::nothing();
+    }
+}
+
+impl Heard {
+    fn nothing() -> Self {
+        Self { count: 0, last: Instant::now(), silent: Duration::ZERO }
+    }
+
+    fn until_now(self) -> Self {
+        let now = Instant::now();
+        Self { last: now, silent: self.silent.max(now - self.last), ..self }
+    }
+}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_killed_agent_is_neutral_within_200_ms_and_its_successor_does_not_move() {
@@ -123,23 +171,9 @@ async fn who_listens_over_a_dead_link_holds_up_nobody_else() {
         robots.push((client(&endpoint).once().await.unwrap(), keys));
     }
 
-    // How many states came, when the last one did, and the longest time without one.
-    let heard = Arc::new(std::sync::Mutex::new((0, Instant::now(), Duration::ZERO)));
-    let hear = {
-        let heard = heard.clone();
-        move |_| {
-            let (count, last, silent) = &mut *heard.lock().unwrap();
-            (*count, *silent) = (*count + 1, (*silent).max(last.elapsed()));
-            *last = Instant::now();
-        }
-    };
-    let _states = awake.subscribe_raw("xtb/lab/*/state", hear).await.unwrap();
-    let listens = Arc::new(AtomicBool::new(false));
-    let hear = {
-        let listens = listens.clone();
-        move |_| listens.store(true, Ordering::Relaxed)
-    };
-    let _all = asleep.subscribe_raw("xtb/lab/**", hear).await.unwrap();
+    let (states, sleeper) = (Listener::new(), Listener::new());
+    let _states = awake.subscribe_raw("xtb/lab/*/state", states.hears()).await.unwrap();
+    let _all = asleep.subscribe_raw("xtb/lab/**", sleeper.hears()).await.unwrap();
     let speak = async || {
         for (robot, keys) in &robots {
             for _ in 0..8 {
@@ -153,19 +187,71 @@ async fn who_listens_over_a_dead_link_holds_up_nobody_else() {
     };
     eventually("both listen", || async {
         speak().await;
-        (listens.load(Ordering::Relaxed) && heard.lock().unwrap().0 > 0).then_some(())
+        (sleeper.heard().count > 0 && states.heard().count > 0).then_some(())
     })
     .await;
 
     link.stall(true);
-    *heard.lock().unwrap() = (0, Instant::now(), Duration::ZERO);
+    states.begin();
     let silent = eventually("the states", || async {
         speak().await;
-        let (count, last, silent) = *heard.lock().unwrap();
-        (count >= STATES).then(|| silent.max(last.elapsed()))
+        let heard = states.heard();
+        (heard.count >= STATES).then_some(heard.silent)
     })
     .await;
     assert!(silent < MOST_SILENT, "{silent:?} without a state");
+}
+
+/// A radio cell that fails: what was sent to those in it is never received, and their router gives them up.
+#[tokio::test(flavor = "multi_thread")]
+async fn links_that_die_together_hold_up_nobody_else() {
+    const STATE_BYTES: usize = 8 * 1024;
+    const SPEAK_EVERY: Duration = Duration::from_millis(2);
+    const LINKS: usize = 10;
+    /// The router gives them up after 2 s, and closes them.
+    const WATCHED: Duration = Duration::from_secs(6);
+    const MOST_SILENT: Duration = Duration::from_secs(1);
+    let _alone = MACHINE.lock().await;
+    for identities in [false, true] {
+        let access = Access::of(identities, 1, &["awake", "asleep"]);
+        let router = RouterProcess::start(access.pki().map(Pki::folder));
+        let (scheme, address) = router.endpoint().split_once('/').unwrap();
+        let cell = SlowLink::open(&format!("tcp/{address}"), LinkQuality::default(), 7).await;
+        let inside = cell.endpoint().replace("tcp", scheme);
+        let robot = access.session("xtb-1", router.endpoint()).await;
+        let key = FleetKeys::new(name("lab")).robot(&name("xtb-1")).state();
+        let mut sleepers = Vec::new();
+        for _ in 0..LINKS {
+            let (session, listener) = (access.session("asleep", &inside).await, Listener::new());
+            let states = session.subscribe_raw("xtb/lab/*/state", listener.hears()).await.unwrap();
+            sleepers.push((session, listener, states));
+        }
+        let (awake, states) = (access.session("awake", router.endpoint()).await, Listener::new());
+        let _states = awake.subscribe_raw("xtb/lab/*/state", states.hears()).await.unwrap();
+        let speaks_until = async |is: &dyn Fn() -> bool| {
+            let (began, mut turns) = (Instant::now(), tokio::time::interval(SPEAK_EVERY));
+            while !is() {
+                assert!(began.elapsed() < Duration::from_secs(60), "with identities: {identities}");
+                turns.tick().await;
+                let state = vec![7; STATE_BYTES];
+                robot.put_raw(&key, &Channel::State, "zenoh/bytes", state).await.unwrap();
+            }
+        };
+        let all_hear =
+            || states.heard().count > 0 && sleepers.iter().all(|(_, sleeper, _)| sleeper.heard().count > 0);
+        speaks_until(&all_hear).await;
+
+        cell.stall(true);
+        states.begin();
+        let began = Instant::now();
+        speaks_until(&|| began.elapsed() > WATCHED).await;
+        let silent = states.heard().silent;
+        assert!(silent < MOST_SILENT, "{silent:?} without a state, with identities: {identities}");
+
+        cell.stall(false);
+        sleepers.iter().for_each(|(_, sleeper, _)| sleeper.begin());
+        speaks_until(&all_hear).await;
+    }
 }
 
 #[allow(clippy::print_stderr)] // people who run the tests shall see it
