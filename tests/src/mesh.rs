@@ -238,10 +238,13 @@ impl Site {
     }
 
     fn router(&self, host: usize) -> Process {
-        let others: Vec<String> = (1..HOSTS).map(|n| self.endpoint((host + n) % HOSTS)).collect();
         let mut command = self.hosts[host].command(&program("fleet-cli"));
-        command.args(["--json", "--connect", &others.join(",")]);
-        command.args(["router", "--listen", &self.endpoint(host)]);
+        command.args(["--json", "router", "--listen", &self.endpoint(host)]);
+        // Of each pair one connects to the other.
+        let earlier: Vec<String> = (0..host).map(|earlier| self.endpoint(earlier)).collect();
+        if !earlier.is_empty() {
+            command.args(["--connect", &earlier.join(",")]);
+        }
         match &self.identities {
             None => command.arg("--insecure"),
             Some(folder) => command.arg("--pki").arg(folder.path().join(router_name(host))),
