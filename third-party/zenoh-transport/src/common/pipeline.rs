@@ -822,7 +822,7 @@ impl TransmissionPipelineStatus {
         self.disabled.store(status, Ordering::Relaxed);
     }
 
-    fn is_disabled(&self) -> bool {
+    pub(crate) fn is_disabled(&self) -> bool {
         self.disabled.load(Ordering::Relaxed)
     }
 

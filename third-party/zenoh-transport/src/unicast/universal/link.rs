@@ -258,6 +258,12 @@ impl TransportLinkUnicastUniversal {
             .spawn_with_rt(zenoh_runtime::ZRuntime::RX, task);
     }
 
+    /// Ends its tasks without sending what is left.
+    pub(super) async fn stop(&self) {
+        self.pipeline.mark_disabled();
+        self.task_controller.terminate_all_async().await;
+    }
+
     pub(super) async fn close(self) -> ZResult<()> {
         tracing::trace!("{}: closing", self.link);
         self.task_controller.terminate_all_async().await;
@@ -365,6 +371,10 @@ async fn write_loop(
     };
     if let Some(result) = cancellation_token.run_until_cancelled(task).await {
         result?;
+    }
+
+    if pipeline.status().is_disabled() {
+        return Ok(());
     }
 
     // Drain the transmission pipeline and write remaining bytes on the wire

@@ -161,6 +161,10 @@ impl TransportUnicastUniversal {
         // Mark the transport as no longer alive and keep the lock
         // to avoid concurrent new_transport and closing/closed notifications
         let mut status_guard = self.get_status().await;
+        if matches!(*status_guard, TransportStatus::Closed) {
+            // Once only: the manager may already have the next transport with this peer
+            return Ok(());
+        }
         *status_guard = TransportStatus::Closed;
         let callback = self.callback.close();
 
@@ -192,10 +196,18 @@ impl TransportUnicastUniversal {
             )
         };
 
+        // What is left for a removed link is not sent: whoever waits to push to it, or to drain it, would hold up
+        // the others. Its tasks end before the callback is closed.
+        stl.stop().await;
+        if let Some(asl) = &associated_link {
+            asl.stop().await;
+        }
+
         // Notify the callback
+        let mut notified = Ok(());
         if let Some(callback) = self.callback.get().cloned() {
             let associated_link = associated_link.clone();
-            tokio::task::spawn_blocking(move || {
+            notified = tokio::task::spawn_blocking(move || {
                 callback.del_link(link);
                 if let Some(asl) = &associated_link {
                     callback.del_link(Link::new_unicast(
@@ -205,7 +217,12 @@ impl TransportUnicastUniversal {
                     ));
                 }
             })
-            .await?;
+            .await;
+        }
+
+        // Before the link is closed, which may take its time if it is dead
+        if is_last {
+            self.delete().await?;
         }
 
         // Associated link must also be closed. run both close calls, return whichever failed first
@@ -215,11 +232,8 @@ impl TransportUnicastUniversal {
                 None => Ok(()),
             }
         };
-        // First: closing waits for what is left to be written, and the link may be dead
-        if is_last {
-            self.delete().await?;
-        }
         let (close_stl_res, close_asl_res) = tokio::join!(stl.close(), close_asl);
+        notified?;
         close_stl_res.and(close_asl_res)
     }
 
