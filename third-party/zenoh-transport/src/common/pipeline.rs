@@ -822,7 +822,7 @@ impl TransmissionPipelineStatus {
         self.disabled.store(status, Ordering::Relaxed);
     }
 
-    pub(crate) fn is_disabled(&self) -> bool {
+    fn is_disabled(&self) -> bool {
         self.disabled.load(Ordering::Relaxed)
     }
 
@@ -981,6 +981,9 @@ pub(crate) struct TransmissionPipelineConsumer {
 pub(crate) trait PipelineConsumer {
     #[allow(private_interfaces)]
     fn status(&self) -> &TransmissionPipelineStatus;
+    fn is_disabled(&self) -> bool {
+        self.status().is_disabled()
+    }
     fn stage_pull(&mut self) -> Result<(BoxedWBatch, Priority), Option<MicroSeconds>>;
     fn n_out_r(&self) -> &Waiter;
     async fn pull(&mut self) -> Option<(BoxedWBatch, Priority)> {

@@ -373,7 +373,7 @@ async fn write_loop(
         result?;
     }
 
-    if pipeline.status().is_disabled() {
+    if pipeline.is_disabled() {
         return Ok(());
     }
 
