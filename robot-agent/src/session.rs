@@ -118,6 +118,7 @@ async fn serve(
     let fleet = FleetKeys::new(config.fleet.clone());
     let keys = fleet.robot(&config.robot);
     let epoch = about.epoch;
+    let starting = host.shared.starting.acquire().await;
     wait_for_name(config, bus, &keys.alive()).await?;
     let _uplink = uplink::declare(bus, &keys, &ends.snapshot, &ends.counters, about).await?;
     let _nav_inputs = nav_inputs::declare(bus, &fleet, config, clock, &ends, &host.shared.maps).await?;
@@ -130,6 +131,7 @@ async fn serve(
     )
     .await?;
     let link = bus.watch_link().await?;
+    drop(starting);
     wait_for_inputs(&mut ends.snapshot, clock).await;
     let _token = bus.declare_alive(&keys.alive()).await?;
     tracing::info!("{} of fleet {} is online", config.robot, config.fleet);

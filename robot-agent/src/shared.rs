@@ -13,8 +13,12 @@ use crate::sessions::Sessions;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use tokio::sync::Semaphore;
 use xtb_protocol::Name;
 use xtb_robot::Robot;
+
+/// With more at once, hundreds of robots on a slow computer ask and declare so much that none of them gets on.
+const STARTING: usize = 8;
 
 /// What they share. A robot's own agent has one for itself.
 #[derive(Debug, Clone)]
@@ -22,13 +26,20 @@ pub struct SharedResources {
     /// Maps that are prepared already: a large one takes megabytes.
     pub(crate) maps: Arc<MapCache>,
     pub(crate) sessions: Sessions,
+    /// Robots that may look for their names and declare themselves at the same time: each hears of all others' keys.
+    pub(crate) starting: Arc<Semaphore>,
     /// Threads for all; `None` = each robot has its own.
     threads: Option<(LoopPool, Planners)>,
 }
 
 impl Default for SharedResources {
     fn default() -> Self {
-        Self { maps: Arc::default(), sessions: Sessions::of(1), threads: None }
+        Self {
+            maps: Arc::default(),
+            sessions: Sessions::of(1),
+            starting: Arc::new(Semaphore::new(STARTING)),
+            threads: None,
+        }
     }
 }
 
