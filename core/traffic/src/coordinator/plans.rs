@@ -252,11 +252,11 @@ impl Coordinator {
     fn reserved(&self, now: Stamp) -> Vec<Reserved> {
         let waited_ms = |truck: &Truck| truck.waited_ms(now).max(truck.stood_ms);
         let is_passed_over = |truck: &&Truck| {
-            let is_taken = truck.none.as_ref().is_some_and(|none| none.by.is_some());
+            let in_vain = truck.none.as_ref().is_some_and(|none| none.by.is_some() || none.for_good);
             let waits = if truck.is_live() {
                 truck.stood_ms > RESERVED_MS
             } else {
-                truck.misses > 0 && !is_taken && truck.waited_ms(now) > RESERVED_MS
+                truck.misses > 0 && !in_vain && truck.waited_ms(now) > RESERVED_MS
             };
             waits && truck.can_be_led(now)
         };
