@@ -190,22 +190,40 @@ pub struct Comparison {
     pub accepted: String,
     /// Ratios that have lost more than [`FALL`].
     pub fell: Vec<Fall>,
+    /// Median of all ratios, each divided by the accepted one; 1 without any.
+    pub median: f64,
     /// Accepted rows that this run does not have.
     pub missing: Vec<String>,
     /// Rows of this run that were not accepted yet, or with another work.
     pub new: Vec<String>,
 }
 
+impl Comparison {
+    /// Those that have fallen and have lost more than [`FALL`] of the median, too. On a computer of another kind all
+    /// ratios may be lower.
+    pub fn fell_beside_the_others(&self) -> impl Iterator<Item = &Fall> {
+        let least = self.median * (1.0 - FALL - ROUNDING);
+        self.fell.iter().filter(move |fall| fall.ratio < fall.accepted * least)
+    }
+
+    /// Whether the ratios are lower as a whole.
+    #[must_use]
+    pub fn all_fell(&self) -> bool {
+        self.median < 1.0 - FALL - ROUNDING
+    }
+}
+
 /// Compares a run with the last accepted one of its profile; `None` = there is none.
 #[must_use]
 pub fn compare(run: &Run, history: &[Run]) -> Option<Comparison> {
     let accepted = history.iter().rev().find(|accepted| accepted.profile == run.profile)?;
-    let (mut fell, mut new) = (Vec::new(), Vec::new());
+    let (mut fell, mut new, mut kept) = (Vec::new(), Vec::new(), Vec::new());
     for row in &run.rows {
         let Some(before) = accepted.rows.iter().find(|before| before.is_like(row)) else {
             new.push(row.name.clone());
             continue;
         };
+        kept.push(row.ratio / before.ratio);
         if row.ratio < before.ratio * (1.0 - FALL - ROUNDING) {
             fell.push(Fall {
                 name: row.name.clone(),
@@ -217,7 +235,15 @@ pub fn compare(run: &Run, history: &[Run]) -> Option<Comparison> {
     }
     let is_measured = |row: &&Row| run.rows.iter().any(|now| now.name == row.name);
     let missing = accepted.rows.iter().filter(|row| !is_measured(row)).map(|row| row.name.clone()).collect();
-    Some(Comparison { accepted: format!("{}, {}", accepted.date, accepted.commit), fell, missing, new })
+    kept.sort_by(f64::total_cmp);
+    let median = quantile(&kept, 0.5).unwrap_or(1.0);
+    Some(Comparison {
+        accepted: format!("{}, {}", accepted.date, accepted.commit),
+        fell,
+        median,
+        missing,
+        new,
+    })
 }
 
 /// By a row's name its accepted ratios of a profile, each with the number of its run, divided by the first one.

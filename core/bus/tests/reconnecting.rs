@@ -4,11 +4,13 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
+use tempfile::TempDir;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
-use xtb_bus::{Bus, Incoming, Opening, SessionRole};
+use xtb_bus::{Bus, Incoming, Opening, SessionRole, Tls};
+use xtb_identity::issue::{Authority, CertificatePurpose, LIFE, issue};
 use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys};
 
@@ -36,9 +38,11 @@ struct Way {
 
 impl Way {
     async fn to(router: &Bus) -> Self {
-        let address = router.locators().await.remove(0).strip_prefix("tcp/").unwrap().to_owned();
+        let locator = router.locators().await.remove(0);
+        let (kind, address) = locator.split_once('/').unwrap();
+        let address = address.split(['?', '#']).next().unwrap().to_owned();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
+        let endpoint = format!("{kind}/{}", listener.local_addr().unwrap());
         let way = Self { endpoint, opened: Arc::default(), dead: Arc::default() };
         let (opened, dead) = (way.opened.clone(), way.dead.clone());
         tokio::spawn(async move {
@@ -70,20 +74,53 @@ async fn carry(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, own: usize, dead
     }
 }
 
-async fn open(role: SessionRole, lease: Duration) -> Bus {
-    Opening::of(role).link_lease(lease).once().await.unwrap()
+/// Certificates of a router on this computer and of a client.
+fn certificates(folder: &TempDir) -> [Tls; 2] {
+    let now = SystemTime::now();
+    let made = Authority::create(&Name::new("lab").unwrap(), now).unwrap();
+    let issuer = Authority::load(&made.certificate(), &made.key()).unwrap();
+    let host = ["127.0.0.1".to_owned()];
+    [("router.1", CertificatePurpose::Router(&host)), ("alice.1", CertificatePurpose::Client)].map(
+        |(name, purpose)| {
+            let issued = issue(&issuer, &name.parse().unwrap(), purpose, now, LIFE).unwrap();
+            let own = folder.path().join(name);
+            std::fs::create_dir(&own).unwrap();
+            let files =
+                [("ca", made.certificate()), ("certificate", issued.certificate), ("key", issued.key)];
+            for (file, text) in files {
+                std::fs::write(own.join(format!("{file}.pem")), text).unwrap();
+            }
+            Tls::in_folder(&own)
+        },
+    )
+}
+
+async fn open(role: SessionRole, lease: Duration, tls: Option<Tls>) -> Bus {
+    Opening::of(role).link_lease(lease).tls(tls).once().await.unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_message_comes_under_another_key_after_a_link_was_opened_again() {
+    no_message_under_another_key("tcp", None, None).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nor_over_tls() {
+    let folder = tempfile::tempdir().unwrap();
+    let [router, client] = certificates(&folder);
+    no_message_under_another_key("tls", Some(router), Some(client)).await;
 }
 
 /// A session that comes back has numbered its keys anew, while its router may still hold the old numbers.
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn no_message_comes_under_another_key_after_a_link_was_opened_again() {
+async fn no_message_under_another_key(kind: &str, of_router: Option<Tls>, of_client: Option<Tls>) {
     let fleet = FleetKeys::new(Name::new("lab").unwrap());
     let keys: Vec<String> =
         (1..=ROBOTS).map(|number| fleet.robot(&Name::new(&format!("xtb-{number}")).unwrap()).fix()).collect();
-    let listen = vec!["tcp/127.0.0.1:0".into()];
-    let router = open(SessionRole::Router { listen, connect: Vec::new() }, ROUTER_LEASE).await;
+    let listen = vec![format!("{kind}/127.0.0.1:0")];
+    let router = open(SessionRole::Router { listen, connect: Vec::new() }, ROUTER_LEASE, of_router).await;
     let way = Way::to(&router).await;
-    let client = open(SessionRole::Client { connect: vec![way.endpoint.clone()] }, CLIENT_LEASE).await;
+    let connect = vec![way.endpoint.clone()];
+    let client = open(SessionRole::Client { connect }, CLIENT_LEASE, of_client).await;
     let back = fleet.robot(&Name::new("xtb-0").unwrap()).fix();
     let _listens = router.subscribe_raw(&back, |_| {}).await.unwrap();
     let (heard, wrong) = (Arc::<AtomicUsize>::default(), Arc::<AtomicUsize>::default());

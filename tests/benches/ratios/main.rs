@@ -119,6 +119,15 @@ fn tell(run: &Run, history: &[Run], short: bool) {
         println!("not measured: ratio {name:?} of the accepted run");
     }
     println!("{} of {} ratios fell since {}", compared.fell.len(), run.rows.len(), compared.accepted);
+    if compared.all_fell() {
+        let names: Vec<&str> = compared.fell_beside_the_others().map(|fall| fall.name.as_str()).collect();
+        let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        println!(
+            "their median is {:.2} of the accepted ones: a computer of another kind, or everything became slower; \
+             beside the median fell: {names}",
+            compared.median
+        );
+    }
 }
 
 /// Puts the run into the committed history, its plot and its page.

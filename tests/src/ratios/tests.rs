@@ -60,6 +60,22 @@ fn a_fall_names_its_row_both_ratios_and_the_accepted_commit() {
 }
 
 #[test]
+fn where_all_ratios_are_lower_those_that_fell_beside_the_others_are_known() {
+    let of = |ratios: [f64; 4]| {
+        ["a", "b", "c", "d"].into_iter().zip(ratios).map(|(name, ratio)| row(name, ratio)).collect()
+    };
+    let history = [run("bench", "a1b2c3d", of([0.5, 1.0, 2.0, 4.0]))];
+    let beside = |ratios: [f64; 4]| {
+        let compared = compare(&run("bench", "now", of(ratios)), &history).unwrap();
+        let names: Vec<String> = compared.fell_beside_the_others().map(|fall| fall.name.clone()).collect();
+        (compared.all_fell(), compared.fell.len(), names)
+    };
+    assert_eq!(beside([0.3, 0.6, 1.2, 1.6]), (true, 4, vec!["d".to_owned()]));
+    assert_eq!(beside([0.3, 0.6, 1.2, 2.4]), (true, 4, vec![]));
+    assert_eq!(beside([0.5, 1.0, 2.0, 1.6]), (false, 1, vec!["d".to_owned()]));
+}
+
+#[test]
 fn a_missing_row_a_new_row_and_one_of_another_work_are_told_and_are_no_falls() {
     let history = [run("bench", "a1b2c3d", vec![row("gone", 1.0), row("stays", 1.0), row("changed", 1.0)])];
     let changed = Row { work: 2000.0, ..row("changed", 0.1) };

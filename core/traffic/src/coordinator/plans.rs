@@ -252,7 +252,12 @@ impl Coordinator {
     fn reserved(&self, now: Stamp) -> Vec<Reserved> {
         let waited_ms = |truck: &Truck| truck.waited_ms(now).max(truck.stood_ms);
         let is_passed_over = |truck: &&Truck| {
-            let in_vain = truck.none.as_ref().is_some_and(|none| none.by.is_some() || none.for_good);
+            // One that drives only passes.
+            let stays = |name: &str| !self.named(name).is_some_and(Truck::is_live);
+            let in_vain = truck
+                .none
+                .as_ref()
+                .is_some_and(|none| none.for_good || none.by.as_deref().is_some_and(stays));
             let waits = if truck.is_live() {
                 truck.stood_ms > RESERVED_MS
             } else {
@@ -320,6 +325,7 @@ pub(super) fn is_looked_for_further(truck: &Truck) -> bool {
 mod tests {
     use super::super::job::NoWay;
     use super::super::room::GridRoom;
+    use super::super::truck::Route;
     use super::super::{PlannedGoal, ReportedRobot};
     use super::*;
     use xtb_control::VehicleConfig;
@@ -361,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_passed_over_for_long_is_kept_its_goal_free_unless_somebody_is_known_to_stay_there() {
+    fn who_is_passed_over_for_long_is_kept_its_goal_free_unless_somebody_stays_in_the_way() {
         let mut coordinator = Coordinator::new(Arc::new(GridRoom::with(34.0, 4.0, &[])), 1);
         let (early, late) = (Stamp::from_ms(1000), Stamp::from_ms(2000));
         for (name, x_m, at) in [("a", 2.0, late), ("b", 8.0, early), ("c", 14.0, early), ("d", 20.0, early)] {
@@ -381,5 +387,11 @@ mod tests {
         };
         assert!(reserved(&mut coordinator, 1000 + RESERVED_MS).is_empty());
         assert_eq!(reserved(&mut coordinator, 2001 + RESERVED_MS), [2, 1]);
+        // The one that was in the way drives now.
+        let truck = &mut coordinator.trucks[0];
+        let way = Arc::new(DiscretizedPath::new(Path::standing(truck.view.pose), &truck.car()));
+        let (plan, base, live, evades) = (1, 1, true, false);
+        truck.route = Some(Route { plan, base, way, done_m: 0.0, release: 0, release_m: 0.0, live, evades });
+        assert_eq!(reserved(&mut coordinator, 2001 + RESERVED_MS), [2, 3]);
     }
 }
