@@ -105,7 +105,7 @@ async fn no_message_comes_under_another_key_after_a_link_was_opened_again() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn nor_over_tls() {
+async fn no_message_comes_under_another_key_over_tls_either() {
     let folder = tempfile::tempdir().unwrap();
     let [router, client] = certificates(&folder);
     no_message_under_another_key("tls", Some(router), Some(client)).await;
