@@ -133,11 +133,6 @@ impl Solver<'_> {
                     is_thing: block.only.is_some(),
                 },
             ))
-            .chain(job.reserved_for(member).map(|place| Other {
-                line: &self.reserved[place],
-                separation_m: separation_m(mine, &[job.reserved[place].stand]),
-                is_thing: false,
-            }))
             .collect();
         let target = aside.is_none().then_some(member.target);
         go_on(

@@ -63,12 +63,10 @@ impl Solver<'_> {
     fn sooner(&mut self, index: usize, led: &[usize], expected: &Expected) -> Option<Expected> {
         let mut late = self.late(index, led, expected);
         late.retain(|&other| other != index);
-        let end = expected.lines[&index].end();
-        let tries = [(&*late, EXPANSIONS_QUICK), (&[], EXPANSIONS_QUICK), (&late, EXPANSIONS_EACH)];
-        tries.into_iter().find_map(|(moved, most)| {
-            let found = self.with_moved(index, moved, expected, most, most);
-            found.filter(|found| end.saturating_sub(found.lines[&index].end()) > SOONER_TICKS)
-        })
+        let moved = self.with_moved(index, &late, expected, EXPANSIONS_QUICK);
+        let found = moved.or_else(|| self.with_moved(index, &[], expected, EXPANSIONS_QUICK))?;
+        let gained = expected.lines[&index].end().saturating_sub(found.lines[&index].end());
+        (gained > SOONER_TICKS).then_some(found)
     }
 
     /// A way for this one, if it has to be at another time or with other ways of those that may get some.
@@ -76,14 +74,13 @@ impl Solver<'_> {
         let again = self.job.members[index].misses >= QUICK_TRIES;
         let most = if again { EXPANSIONS_EACH } else { EXPANSIONS_QUICK };
         let late = self.late(index, led, expected);
-        let quick = EXPANSIONS_QUICK;
-        let moved = if late.is_empty() { None } else { self.with_moved(index, &late, expected, most, quick) };
-        let mut found = moved.or_else(|| self.with_moved(index, &[], expected, most, quick));
+        let moved = if late.is_empty() { None } else { self.with_moved(index, &late, expected, most) };
+        let mut found = moved.or_else(|| self.with_moved(index, &[], expected, most));
         // Later there is less traffic.
         for wait in WAITS.into_iter().filter(|_| again) {
             if found.is_none() {
                 self.wait = wait;
-                found = self.with_moved(index, &[], expected, most, quick);
+                found = self.with_moved(index, &[], expected, most);
             }
         }
         self.wait = 0;
@@ -134,19 +131,17 @@ impl Solver<'_> {
         led.iter().copied().filter(passes).collect()
     }
 
-    /// With a way of this one, as if these were not on theirs, and other ways of these around it; for which at most so
-    /// many nodes each are expanded.
+    /// With a way of this one, as if these were not on theirs, and other ways of these around it.
     fn with_moved(
         &mut self,
         index: usize,
         moved: &[usize],
         expected: &Expected,
         most: u32,
-        most_moved: u32,
     ) -> Option<Expected> {
         let mut expected = expected.clone();
         moved.iter().for_each(|&other| expected.leave(other, &self.job.members[other]));
-        let others = moved.iter().map(|&other| (other, most_moved));
+        let others = moved.iter().map(|&other| (other, most.min(EXPANSIONS_QUICK)));
         for (index, most) in std::iter::once((index, most)).chain(others) {
             let soft = expected.soft(&[index]);
             let others = expected.others(index);
@@ -155,42 +150,5 @@ impl Solver<'_> {
             expected.take(index, way, &at_m, line);
         }
         Some(expected)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::group::tests::job;
-    use super::super::job::Reserved;
-    use super::super::room::GridRoom;
-    use super::*;
-    use xtb_control::VehicleConfig;
-    use xtb_nav::Car;
-
-    #[test]
-    fn nobody_is_led_through_the_goal_of_one_that_has_waited_longer() {
-        let car = Car::of(&VehicleConfig::default());
-        let goal = Stand::still(&car, &MapPose { x_m: 6.0, y_m: 4.0, yaw_rad: 0.0 });
-        let across = ([1.0, 4.0, 0.0], [11.0, 4.0, 0.0]);
-        let there = ([6.0, 1.0, 0.0], [6.0, 4.0, 0.0]);
-        let away = ([6.1, 4.1, 0.0], [11.0, 7.0, 0.0]);
-        let passes = |ways: &[([f64; 3], [f64; 3])], reserved: &[u32]| {
-            let mut job = job(GridRoom::with(12.0, 8.0, &[]), ways, 0);
-            job.each_for_itself = true;
-            job.reserved = reserved.iter().map(|&id| Reserved { id, stand: goal }).collect();
-            let result = job.solve(&mut || true);
-            assert_eq!(result.counts(), (ways.len(), 0));
-            let plan = |plan: &super::super::job::Plan| {
-                plan.way.stands.iter().any(|stand| stand.touches(&goal, 0.0))
-            };
-            result.plans.iter().map(plan).collect::<Vec<_>>()
-        };
-        assert_eq!(passes(&[across], &[]), [true]);
-        assert_eq!(passes(&[across], &[7]), [false]);
-        // It may have waited longest itself.
-        assert_eq!(passes(&[across], &[1, 7]), [true]);
-        // Whose goal it is goes there, and who stands there goes away.
-        assert_eq!(passes(&[there], &[1]), [true]);
-        assert_eq!(passes(&[away], &[7]), [true]);
     }
 }

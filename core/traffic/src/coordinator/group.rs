@@ -152,7 +152,7 @@ fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::super::job::{JointJob, Member};
     use super::super::order::Order;
     use super::super::room::GridRoom;
@@ -164,11 +164,7 @@ pub(super) mod tests {
 
     const BUDGET: u32 = 8_000;
 
-    pub(in super::super) fn job(
-        room: GridRoom,
-        ways: &[([f64; 3], [f64; 3])],
-        group_budget: u32,
-    ) -> JointJob {
+    fn job(room: GridRoom, ways: &[([f64; 3], [f64; 3])], group_budget: u32) -> JointJob {
         let car = Car::of(&VehicleConfig::default());
         let member = |(index, (from, to)): (usize, &([f64; 3], [f64; 3]))| Member {
             id: index as u32 + 1,
@@ -193,7 +189,6 @@ pub(super) mod tests {
             room: Arc::new(room),
             members: ways.iter().enumerate().map(member).collect(),
             blocks: Vec::new(),
-            reserved: Vec::new(),
             order: Order::new(),
             seed: 1,
             budget: 30_000,
