@@ -4,10 +4,10 @@ use super::discretized_path::DiscretizedPath;
 use super::field::Field;
 use super::job::{JointJob, Member};
 use super::occupancy::{NEVER, TICK_WAY_M};
-use super::search::search;
+use super::search::{keep_to, search};
 use super::task::{Leg, Other, Stuck, Target, Task};
-use xtb_nav::Path;
 use xtb_nav::geometry::rect::{Rect, Stand};
+use xtb_nav::{Path, Piece};
 
 /// Positions tick by tick from where a truck is to the end of what is released to it.
 pub(super) fn to_release(member: &Member) -> Vec<f64> {
@@ -27,6 +27,8 @@ pub(super) struct Around<'a> {
     pub(super) soft: &'a [Rect],
     /// It stands so long at the end of what is released to it first, in ticks.
     pub(super) wait: u32,
+    /// The rest of its way, if it keeps to that.
+    pub(super) rest: Option<&'a [Piece]>,
 }
 
 /// A way from the end of what is released to a truck on, with its position on it at each tick. At most so many nodes
@@ -39,7 +41,7 @@ pub(super) fn go_on(
     left: &mut u32,
 ) -> Result<(DiscretizedPath, Vec<f64>), Stuck> {
     let (mut at_m, head) = (to_release(member), member.way.up_to(member.held));
-    let &Around { target, field, others, soft, wait } = around;
+    let &Around { target, field, others, soft, wait, rest } = around;
     if wait > 0 {
         let (still, tick) = (Stand { look: None, ..member.way.stands[member.held] }, at_m.len() as u32 - 1);
         let met = |other: &Other<'_>| other.line.next_hit(&still, tick, other.separation_m) <= tick + wait;
@@ -51,7 +53,11 @@ pub(super) fn go_on(
     }
     let (room, car, start) = (&*job.room, &member.car, head.end());
     let (gear, tick) = (member.way.gears[member.held], at_m.len() as u32 - 1);
-    let legs = search(&Task { room, car, start, gear, tick, target, field, others, soft }, most, left)?;
+    let task = Task { room, car, start, gear, tick, target, field, others, soft };
+    let legs = match rest {
+        Some(pieces) => keep_to(&task, pieces)?,
+        None => search(&task, most, left)?,
+    };
     Ok((DiscretizedPath::new(extend(head, &legs, &mut at_m), car), at_m))
 }
 

@@ -10,7 +10,7 @@ use super::joint::{Failed, MOST_TICKS, Solution, Solver};
 use super::occupancy::Occupancy;
 use super::order::{Runner, Timed, pair, run_ahead, set_needs};
 use super::separation::{driven_separation_m, separation_m};
-use super::task::{EXPANSIONS_EACH, Other, Stuck};
+use super::task::{Course, EXPANSIONS_EACH, Other, Stuck};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 use xtb_nav::geometry::rect::Rect;
@@ -74,7 +74,8 @@ impl Solver<'_> {
         for &index in free.iter().chain(&evading) {
             let soft = expected.soft(&[index]);
             let aside = self.evading.contains(&index).then(|| self.aside(index, &expected));
-            let found = self.single(index, &expected.others(index), &soft, aside.as_ref(), EXPANSIONS_EACH);
+            let course = aside.as_ref().map_or(Course::ToGoal, Course::Aside);
+            let found = self.single(index, &expected.others(index), &soft, course, EXPANSIONS_EACH);
             let (way, at_m) = found.map_err(|_| Failed(index))?;
             let line = self.job.members[index].driving(&way, &at_m);
             expected.take(index, way, &at_m, line);
@@ -100,20 +101,24 @@ impl Solver<'_> {
         })
     }
 
-    /// The way of one truck around all these, with its position on it at each tick: to its goal, or out of
-    /// the others' way by the distances in `aside`. At most so many nodes are expanded.
+    /// The way of one truck around all these, with its position on it at each tick. At most so many nodes are expanded.
     pub(super) fn single(
         &mut self,
         index: usize,
         lines: &[(usize, &Occupancy)],
         soft: &[Rect],
-        aside: Option<&Field>,
+        course: Course<'_>,
         most: u32,
     ) -> Result<(DiscretizedPath, Vec<f64>), Stuck> {
         if self.spent() {
             return Err(Stuck::Budget);
         }
         let (job, member) = (self.job, &self.job.members[index]);
+        let (aside, rest) = match course {
+            Course::ToGoal => (None, None),
+            Course::Aside(field) => (Some(field), None),
+            Course::Along(rest) => (None, Some(rest)),
+        };
         if aside.is_none() {
             self.field(index);
         }
@@ -133,12 +138,17 @@ impl Solver<'_> {
                     is_thing: block.only.is_some(),
                 },
             ))
+            .chain(job.reserved_for(member).map(|place| Other {
+                line: &self.reserved[place],
+                separation_m: separation_m(mine, &[job.reserved[place].stand]),
+                is_thing: false,
+            }))
             .collect();
         let target = aside.is_none().then_some(member.target);
         go_on(
             job,
             member,
-            &Around { target, field, others: &others, soft, wait: self.wait },
+            &Around { target, field, others: &others, soft, wait: self.wait, rest },
             most,
             &mut self.left,
         )

@@ -90,7 +90,14 @@ fn way_around(
         .zip(suspects)
         .map(|(line, suspect)| Other { line, separation_m: between(suspect), is_thing: false })
         .collect();
-    let around = Around { target: Some(member.target), field: &field, others: &others, soft: &[], wait: 0 };
+    let around = Around {
+        target: Some(member.target),
+        field: &field,
+        others: &others,
+        soft: &[],
+        wait: 0,
+        rest: None,
+    };
     Ok(go_on(job, member, &around, most, left)?.0)
 }
 

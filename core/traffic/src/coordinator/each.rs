@@ -5,7 +5,7 @@ use super::expected::Expected;
 use super::joint::{Solution, Solver};
 use super::occupancy::{NEVER, Occupancy, TICK_WAY_M};
 use super::separation::{SEPARATIONS_M, separation_m};
-use super::task::EXPANSIONS_EACH;
+use super::task::{Course, EXPANSIONS_EACH};
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use xtb_nav::MapPose;
@@ -31,6 +31,13 @@ impl Solver<'_> {
         let standing: BTreeSet<usize> = wanting.iter().copied().collect();
         let led: Vec<usize> = self.job.indices(|member| !member.wanting && !member.fixed).collect();
         let mut expected = self.expected(&[], &led, &standing)?;
+        // Those with ways first, or others take each gap before them; with half of the nodes at most.
+        let kept = self.left / 2;
+        self.left -= kept;
+        for index in self.job.indices(|member| member.slow) {
+            expected = self.sooner(index, &led, expected);
+        }
+        self.left += kept;
         let mut open = wanting.to_vec();
         loop {
             let (mut waiting, mut found_one) = (Vec::new(), false);
@@ -53,20 +60,31 @@ impl Solver<'_> {
             }
             open = waiting;
         }
-        for index in self.job.indices(|member| member.slow) {
-            expected = self.sooner(index, &led, &expected).unwrap_or(expected);
-        }
         self.ordered(expected)
     }
 
-    /// Another way for one that has stood on its way for long, if that leads it to its goal clearly sooner.
-    fn sooner(&mut self, index: usize, led: &[usize], expected: &Expected) -> Option<Expected> {
-        let mut late = self.late(index, led, expected);
-        late.retain(|&other| other != index);
-        let moved = self.with_moved(index, &late, expected, EXPANSIONS_QUICK);
-        let found = moved.or_else(|| self.with_moved(index, &[], expected, EXPANSIONS_QUICK))?;
-        let gained = expected.lines[&index].end().saturating_sub(found.lines[&index].end());
-        (gained > SOONER_TICKS).then_some(found)
+    /// One that has stood on its way for long is led to its goal clearly sooner, if that can be, at other times on its way
+    /// or on another one. Its goal is kept free: who would pass that later goes around, if it can.
+    fn sooner(&mut self, index: usize, led: &[usize], mut expected: Expected) -> Expected {
+        let is_kept = self.job.reserved.iter().any(|reserved| reserved.id == self.job.members[index].id);
+        let late = if is_kept { self.late(index, led, &expected) } else { Vec::new() };
+        for other in late.into_iter().filter(|&other| other != index) {
+            expected = self.with_moved(other, &[], &expected, EXPANSIONS_QUICK).unwrap_or(expected);
+        }
+        let end = expected.lines[&index].end();
+        let is_sooner = |found: &Expected| end.saturating_sub(found.lines[&index].end()) > SOONER_TICKS;
+        let found = self.along(index, &expected).filter(is_sooner);
+        let found =
+            found.or_else(|| self.with_moved(index, &[], &expected, EXPANSIONS_QUICK).filter(is_sooner));
+        found.unwrap_or(expected)
+    }
+
+    /// With this one on the way that it has, as early as all others let it.
+    fn along(&mut self, index: usize, expected: &Expected) -> Option<Expected> {
+        let member = &self.job.members[index];
+        let way = expected.ways.get(&index).unwrap_or(&member.way);
+        let rest = way.path.tail(way.at_m(member.held)).pieces;
+        self.with(index, expected.clone(), Course::Along(&rest), 0)
     }
 
     /// A way for this one, if it has to be at another time or with other ways of those that may get some.
@@ -142,13 +160,120 @@ impl Solver<'_> {
         let mut expected = expected.clone();
         moved.iter().for_each(|&other| expected.leave(other, &self.job.members[other]));
         let others = moved.iter().map(|&other| (other, most.min(EXPANSIONS_QUICK)));
-        for (index, most) in std::iter::once((index, most)).chain(others) {
-            let soft = expected.soft(&[index]);
-            let others = expected.others(index);
-            let (way, at_m) = self.single(index, &others, &soft, None, most).ok()?;
-            let line = self.job.members[index].driving(&way, &at_m);
-            expected.take(index, way, &at_m, line);
-        }
+        std::iter::once((index, most))
+            .chain(others)
+            .try_fold(expected, |expected, (index, most)| self.with(index, expected, Course::ToGoal, most))
+    }
+
+    /// With a way of this one around all others, if there is one.
+    fn with(
+        &mut self,
+        index: usize,
+        mut expected: Expected,
+        course: Course<'_>,
+        most: u32,
+    ) -> Option<Expected> {
+        let soft = expected.soft(&[index]);
+        let (way, at_m) = self.single(index, &expected.others(index), &soft, course, most).ok()?;
+        let line = self.job.members[index].driving(&way, &at_m);
+        expected.take(index, way, &at_m, line);
         Some(expected)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::discretized_path::DiscretizedPath;
+    use super::super::group::tests::job;
+    use super::super::job::{JointJob, JointResult, Reserved};
+    use super::super::order::{Timed, pair, set_needs};
+    use super::super::room::GridRoom;
+    use super::*;
+    use std::sync::Arc;
+    use xtb_control::VehicleConfig;
+    use xtb_nav::{Car, Path, Piece};
+
+    const EAST: f64 = 0.0;
+    const SOUTH: f64 = -std::f64::consts::FRAC_PI_2;
+
+    fn stand(x_m: f64, y_m: f64) -> Stand {
+        Stand::still(&Car::of(&VehicleConfig::default()), &MapPose { x_m, y_m, yaw_rad: EAST })
+    }
+
+    fn solved(mut job: JointJob) -> JointResult {
+        job.each_for_itself = true;
+        job.solve(&mut || true)
+    }
+
+    /// A truck that has stood and wants to go so far to the east, and one that comes from the north and passes first
+    /// wherever they meet.
+    fn behind_one_that_comes_late(length_m: f64) -> JointJob {
+        let ways = [([2.0, 4.0, EAST], [2.0 + length_m, 4.0, EAST]), ([6.0, 18.0, SOUTH], [6.0, 1.0, SOUTH])];
+        let mut job = job(GridRoom::with(12.0, 20.0, &[]), &ways, 0);
+        for (member, length_m) in job.members.iter_mut().zip([length_m, 17.0]) {
+            let mut path = member.way.path.clone();
+            path.push(Piece { length_m, curvature_per_m: 0.0 });
+            member.way = Arc::new(DiscretizedPath::new(path, &member.car));
+            member.wanting = false;
+        }
+        job.members[0].slow = true;
+        let (waits, passes) = (&job.members[0].way, &job.members[1].way);
+        let (late, early) = (vec![1000.0; waits.stands.len()], vec![500.0; passes.stands.len()]);
+        let (waits, passes) = (
+            Timed { way: waits, at: 0, held: 0, ticks: &late },
+            Timed { way: passes, at: 0, held: 0, ticks: &early },
+        );
+        let (needs, _) = pair(&waits, &passes, 0.06);
+        set_needs(&mut job.order, (1, 2), &needs);
+        job
+    }
+
+    #[test]
+    fn who_has_stood_goes_before_one_that_comes_late_on_the_same_way() {
+        let job = behind_one_that_comes_late(8.0);
+        assert!(job.order.contains_key(&(1, 2)));
+        let path = &job.members[0].way.path;
+        let result = solved(job.clone());
+        assert_eq!(result.plans.iter().map(|plan| plan.id).collect::<Vec<_>>(), [1]);
+        let Path { start, ref pieces } = result.plans[0].way.path;
+        assert_eq!((start, pieces.len()), (path.start, 1));
+        assert!((pieces[0].length_m - 8.0).abs() < 1e-9);
+        assert_eq!(result.order.keys().copied().collect::<Vec<_>>(), [(2, 1)]);
+    }
+
+    #[test]
+    fn who_would_pass_the_goal_of_one_that_has_stood_goes_around_it() {
+        let mut job = behind_one_that_comes_late(4.0);
+        let goal = stand(6.0, 4.0);
+        let passes = |way: &DiscretizedPath| way.stands.iter().any(|stand| stand.touches(&goal, 0.0));
+        assert!(passes(&job.members[1].way));
+        assert_eq!(solved(job.clone()).counts(), (0, 0));
+        job.reserved = vec![Reserved { id: 1, stand: goal }];
+        let result = solved(job);
+        assert_eq!(result.counts(), (2, 0));
+        assert!(!passes(&result.plans[1].way));
+        assert!(!result.order.contains_key(&(1, 2)));
+    }
+
+    #[test]
+    fn nobody_is_led_through_the_goal_of_one_that_has_waited_longer() {
+        let goal = stand(6.0, 4.0);
+        let across = ([1.0, 4.0, 0.0], [11.0, 4.0, 0.0]);
+        let there = ([6.0, 1.0, 0.0], [6.0, 4.0, 0.0]);
+        let away = ([6.1, 4.1, 0.0], [11.0, 7.0, 0.0]);
+        let passes = |way: ([f64; 3], [f64; 3]), reserved: &[u32]| {
+            let mut job = job(GridRoom::with(12.0, 8.0, &[]), &[way], 0);
+            job.reserved = reserved.iter().map(|&id| Reserved { id, stand: goal }).collect();
+            let result = solved(job);
+            assert_eq!(result.counts(), (1, 0));
+            result.plans[0].way.stands.iter().any(|stand| stand.touches(&goal, 0.0))
+        };
+        assert!(passes(across, &[]));
+        assert!(!passes(across, &[7]));
+        // It may have waited longest itself.
+        assert!(passes(across, &[1, 7]));
+        // Whose goal it is goes there, and who stands there goes away.
+        assert!(passes(there, &[1]));
+        assert!(passes(away, &[7]));
     }
 }

@@ -6,6 +6,7 @@ use super::expected::Expected;
 use super::joint::{Solution, Solver};
 use super::occupancy::{NEVER, Occupancy};
 use super::separation::separation_m;
+use super::task::Course;
 use crate::conflicts::{self, Conflict};
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -109,7 +110,7 @@ impl conflicts::Group for Group<'_, '_> {
         let mut lines = self.expected.others(index);
         lines.extend(constraints.iter().map(|(other, line)| (*other, &**line)));
         let soft = self.expected.soft(self.members);
-        let (way, at_m) = self.solver.single(index, &lines, &soft, None, EXPANSIONS).ok()?;
+        let (way, at_m) = self.solver.single(index, &lines, &soft, Course::ToGoal, EXPANSIONS).ok()?;
         let job = self.solver.job;
         let line = job.members[index].driving(&way, &at_m);
         Some(Rc::new(Drive { way, at_m, line }))
@@ -152,7 +153,7 @@ fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::job::{JointJob, Member};
     use super::super::order::Order;
     use super::super::room::GridRoom;
@@ -164,7 +165,11 @@ mod tests {
 
     const BUDGET: u32 = 8_000;
 
-    fn job(room: GridRoom, ways: &[([f64; 3], [f64; 3])], group_budget: u32) -> JointJob {
+    pub(in super::super) fn job(
+        room: GridRoom,
+        ways: &[([f64; 3], [f64; 3])],
+        group_budget: u32,
+    ) -> JointJob {
         let car = Car::of(&VehicleConfig::default());
         let member = |(index, (from, to)): (usize, &([f64; 3], [f64; 3]))| Member {
             id: index as u32 + 1,
@@ -189,6 +194,7 @@ mod tests {
             room: Arc::new(room),
             members: ways.iter().enumerate().map(member).collect(),
             blocks: Vec::new(),
+            reserved: Vec::new(),
             order: Order::new(),
             seed: 1,
             budget: 30_000,

@@ -8,9 +8,8 @@
 use super::arrival_times::to_release;
 use super::discretized_path::DiscretizedPath;
 use super::expected::Expected;
-use super::field::Field;
 use super::joint::{Failed, PATIENCE_MS, Solution, Solver};
-use super::task::EXPANSIONS_EACH;
+use super::task::{Course, EXPANSIONS_EACH};
 use std::collections::BTreeSet;
 
 /// The one that is served begins so late, in ticks: at once, or when others may have driven 10 m (36 s);
@@ -121,7 +120,7 @@ impl Solver<'_> {
         let expected = self.expected(&[first], led, standing)?;
         let soft = expected.soft(&[first]);
         let (way, mut at_m) =
-            self.single(first, &expected.others(first), &soft, None, EXPANSIONS_EACH).ok()?;
+            self.single(first, &expected.others(first), &soft, Course::ToGoal, EXPANSIONS_EACH).ok()?;
         let released = to_release(&self.job.members[first]).len();
         let wait_m = at_m[released - 1];
         at_m.splice(released..released, std::iter::repeat_n(wait_m, late_ticks));
@@ -137,8 +136,9 @@ impl Solver<'_> {
         self.take(&mut expected, served.index, served.way.clone(), &served.at_m);
         for &index in others {
             let aside = self.aside(index, &expected);
-            let (way, at_m) =
-                self.beside(index, &expected, Some(&aside), EXPANSIONS_ASIDE).ok_or(Failed(index))?;
+            let (way, at_m) = self
+                .beside(index, &expected, Course::Aside(&aside), EXPANSIONS_ASIDE)
+                .ok_or(Failed(index))?;
             self.take(&mut expected, index, way, &at_m);
         }
         Ok(expected)
@@ -151,7 +151,7 @@ impl Solver<'_> {
             if !self.evading.contains(&index) {
                 continue;
             }
-            if let Some((way, at_m)) = self.beside(index, &further, None, EXPANSIONS_FURTHER) {
+            if let Some((way, at_m)) = self.beside(index, &further, Course::ToGoal, EXPANSIONS_FURTHER) {
                 self.take(&mut further, index, way, &at_m);
                 arriving.insert(index);
             }
@@ -169,11 +169,11 @@ impl Solver<'_> {
         &mut self,
         index: usize,
         expected: &Expected,
-        aside: Option<&Field>,
+        course: Course<'_>,
         most: u32,
     ) -> Option<(DiscretizedPath, Vec<f64>)> {
         let soft = expected.soft(&[index]);
-        self.single(index, &expected.others(index), &soft, aside, most).ok()
+        self.single(index, &expected.others(index), &soft, course, most).ok()
     }
 
     fn take(&self, expected: &mut Expected, index: usize, way: DiscretizedPath, at_m: &[f64]) {

@@ -65,6 +65,13 @@ impl Block {
     }
 }
 
+/// The goal of one among many that has waited for long: nobody else is led through it any more.
+#[derive(Debug, Clone)]
+pub(super) struct Reserved {
+    pub(super) id: u32,
+    pub(super) stand: Stand,
+}
+
 /// Work for another thread: everything that a joint plan needs.
 #[derive(Debug, Clone)]
 pub struct JointJob {
@@ -72,6 +79,8 @@ pub struct JointJob {
     pub(super) room: Arc<dyn RoomGeometry>,
     pub(super) members: Vec<Member>,
     pub(super) blocks: Vec<Block>,
+    /// Whoever has waited longest first.
+    pub(super) reserved: Vec<Reserved>,
     pub(super) order: Order,
     pub(super) seed: u64,
     /// Nodes that may be expanded for orders of priorities.
@@ -93,6 +102,15 @@ impl JointJob {
     /// Bodies of all that is driven around by this one.
     pub(super) fn bodies_around<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = Rect> {
         self.others(member).flat_map(|block| block.stands.iter().map(|stand| stand.body))
+    }
+
+    /// Places in [`Self::reserved`] of the goals that this one has to leave free: not its own, nor those of others that
+    /// have waited less, nor one on which it stands.
+    pub(super) fn reserved_for<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = usize> {
+        let before = self.reserved.iter().take_while(|reserved| reserved.id != member.id).enumerate();
+        let stands_there =
+            |reserved: &Reserved| member.held_stands().iter().any(|held| held.touches(&reserved.stand, 0.0));
+        before.filter(move |(_, reserved)| !stands_there(reserved)).map(|(place, _)| place)
     }
 
     pub(super) fn indices(&self, which: impl Fn(&Member) -> bool) -> impl Iterator<Item = usize> {

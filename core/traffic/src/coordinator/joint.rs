@@ -39,6 +39,7 @@ pub(super) struct Solver<'a> {
     pub(super) keep_going: &'a mut dyn FnMut() -> bool,
     pub(super) fields: BTreeMap<usize, Field>,
     pub(super) blocks: Vec<Occupancy>,
+    pub(super) reserved: Vec<Occupancy>,
     /// Who keep their ways, and as what they are expected.
     pub(super) running: Option<(Vec<usize>, Option<Expected>)>,
     pub(super) left: u32,
@@ -72,6 +73,7 @@ impl JointJob {
             keep_going,
             fields: BTreeMap::new(),
             blocks: self.blocks.iter().map(|block| Occupancy::standing(&block.stands)).collect(),
+            reserved: self.reserved.iter().map(|goal| Occupancy::standing(&[goal.stand])).collect(),
             running: None,
             left: self.budget,
             wait: 0,

@@ -1,16 +1,17 @@
 //! Joint plans: what goes out as work.
 
 use super::discretized_path::DiscretizedPath;
-use super::job::{JointJob, Member};
+use super::job::{JointJob, Member, Reserved};
 use super::outstanding::Outstanding;
 use super::task::Target;
 use super::truck::{Truck, place_of};
 use super::{Coordinator, LISTEN_MS};
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use xtb_control::Stamp;
-use xtb_nav::Path;
 use xtb_nav::geometry::rect::{LOOK_OUT_M, Stand};
+use xtb_nav::{Car, MapPose, Path};
 use xtb_protocol::messages::Track;
 
 /// With so many arcs a truck goes to its release's end and begins anew there: 96 are left for what a search
@@ -49,7 +50,11 @@ const MOST_WANTING: usize = 4;
 const SLOW_MS: u64 = 15_000;
 /// … but not more often than this, in ms, and at most so many at once; all chosen, not measured.
 const SLOW_AGAIN_MS: u64 = 10_000;
-const MOST_SLOW: usize = 4;
+const MOST_SLOW: usize = 8;
+/// Who has waited for so long without a way among many, in ms, is kept its goal free …
+const RESERVED_MS: u64 = 15_000;
+/// … for so many at most; both chosen, not measured.
+const MOST_RESERVED: usize = 12;
 /// So many links of trucks that wait for each other's places are followed; chosen, not measured.
 const MOST_LINKS: usize = 8;
 
@@ -140,7 +145,7 @@ impl Coordinator {
         };
         let led = members.iter().filter(|(_, member)| !member.wanting).map(|(index, _)| *index);
         let mut slow: Vec<usize> = led.filter(is_slow).collect();
-        slow.sort_by_key(|&index| std::cmp::Reverse(truck(index).stood_ms));
+        slow.sort_by_key(|&index| Reverse(truck(index).stood_ms));
         slow.into_iter().take(MOST_SLOW).collect()
     }
 
@@ -227,11 +232,13 @@ impl Coordinator {
             Look::Each => (EACH_BUDGET, 0, 0),
             Look::Thorough => (THOROUGH_BUDGET, 0, THOROUGH_BUDGET),
         };
+        let reserved = if look == Look::Together { Vec::new() } else { self.reserved(now) };
         JointJob {
             id: self.jobs,
             room: Arc::clone(&self.room),
             members,
             blocks,
+            reserved,
             order,
             seed: self.seed.wrapping_add(self.jobs),
             budget,
@@ -239,6 +246,35 @@ impl Coordinator {
             turn_budget,
             each_for_itself: look == Look::Each,
         }
+    }
+
+    /// Goals that others are led past again and again, so that those who want to go there stand for long.
+    fn reserved(&self, now: Stamp) -> Vec<Reserved> {
+        let waited_ms = |truck: &Truck| truck.waited_ms(now).max(truck.stood_ms);
+        let is_passed_over = |truck: &&Truck| {
+            // One that drives only passes.
+            let stays = |name: &str| !self.named(name).is_some_and(Truck::is_live);
+            let in_vain = truck
+                .none
+                .as_ref()
+                .is_some_and(|none| none.for_good || none.by.as_deref().is_some_and(stays));
+            let waits = if truck.is_live() {
+                truck.stood_ms > RESERVED_MS
+            } else {
+                truck.misses > 0 && !in_vain && truck.waited_ms(now) > RESERVED_MS
+            };
+            waits && truck.can_be_led(now)
+        };
+        let mut passed_over: Vec<&Truck> = self.trucks.iter().filter(is_passed_over).collect();
+        passed_over.sort_by_key(|truck| Reverse(waited_ms(truck)));
+        let reserved = |truck: &Truck| {
+            let (_, goal) = truck.goal()?;
+            let half_m = truck.car().reach_m();
+            let any_heading = Car { front_m: half_m, rear_m: half_m, half_width_m: half_m, ..truck.car() };
+            let pose = MapPose { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: 0.0 };
+            Some(Reserved { id: truck.id, stand: Stand::still(&any_heading, &pose) })
+        };
+        passed_over.into_iter().take(MOST_RESERVED).filter_map(reserved).collect()
     }
 
     /// A truck as a joint plan sees it; `None` = it is driven around.
@@ -287,11 +323,12 @@ pub(super) fn is_looked_for_further(truck: &Truck) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::job::NoWay;
     use super::super::room::GridRoom;
+    use super::super::truck::Route;
     use super::super::{PlannedGoal, ReportedRobot};
     use super::*;
     use xtb_control::VehicleConfig;
-    use xtb_nav::{Car, MapPose};
 
     /// It wants to go 3 m to the east.
     fn view(name: &str, x_m: f64) -> ReportedRobot {
@@ -327,5 +364,34 @@ mod tests {
             }
         }
         assert_eq!(planned, [[1], [2], [3]]);
+    }
+
+    #[test]
+    fn who_is_passed_over_for_long_is_kept_its_goal_free_unless_somebody_stays_in_the_way() {
+        let mut coordinator = Coordinator::new(Arc::new(GridRoom::with(34.0, 4.0, &[])), 1);
+        let (early, late) = (Stamp::from_ms(1000), Stamp::from_ms(2000));
+        for (name, x_m, at) in [("a", 2.0, late), ("b", 8.0, early), ("c", 14.0, early), ("d", 20.0, early)] {
+            coordinator.robot(at, view(name, x_m));
+        }
+        let (id, by) = (coordinator.trucks[2].id, Some("a".to_owned()));
+        let behind = NoWay { id, revision: 0, by, reason: String::new(), for_good: false };
+        coordinator.trucks[2].none = Some(behind);
+        // The last one has just got its goal, as far as a way was looked for.
+        for (truck, misses) in coordinator.trucks.iter_mut().zip([1, 1, 1, 0]) {
+            truck.misses = misses;
+        }
+        let reserved = |coordinator: &mut Coordinator, at_ms: u64| {
+            let now = Stamp::from_ms(at_ms);
+            coordinator.trucks.iter_mut().for_each(|truck| truck.seen = now);
+            coordinator.reserved(now).iter().map(|reserved| reserved.id).collect::<Vec<_>>()
+        };
+        assert!(reserved(&mut coordinator, 1000 + RESERVED_MS).is_empty());
+        assert_eq!(reserved(&mut coordinator, 2001 + RESERVED_MS), [2, 1]);
+        // The one that was in the way drives now.
+        let truck = &mut coordinator.trucks[0];
+        let way = Arc::new(DiscretizedPath::new(Path::standing(truck.view.pose), &truck.car()));
+        let (plan, base, live, evades) = (1, 1, true, false);
+        truck.route = Some(Route { plan, base, way, done_m: 0.0, release: 0, release_m: 0.0, live, evades });
+        assert_eq!(reserved(&mut coordinator, 2001 + RESERVED_MS), [2, 3]);
     }
 }

@@ -194,43 +194,63 @@ impl<'a> Search<'a> {
             return false;
         };
         let heuristic = if goal { Some(0.0) } else { self.heuristic(&end) };
-        let (mut delay, mut found, mut met) = (0, 0, 0);
-        while let Some(heuristic) = heuristic {
-            let depart = tick + delay;
-            if depart > safe || delay > MOST_WAIT || found == 2 {
-                break;
-            }
-            if !self.crowd.is_clear(&sweep, depart, &mut met) {
-                if depart > self.crowd.still {
-                    break;
-                }
-                delay += 2;
-                continue;
-            }
-            let arrive = depart + sweep.len() as u32;
-            let still = sweep
-                .last()
-                .map_or_else(|| Stand::still(self.task.car, &end), |stand| Stand { look: None, ..*stand });
-            let safe_then = self.crowd.safe_until(&still, arrive);
-            if goal && safe_then != NEVER {
-                delay += 4;
-                continue;
-            }
-            let cost = cost + WAIT_COST * f64::from(delay) + sweep.len() as f64 + extra;
-            if goal || self.is_new(&end, end_gear, arrive, safe_then, cost) {
+        let Some(heuristic) = heuristic else {
+            self.sweep = sweep;
+            return false;
+        };
+        let mut first_two = [None; 2];
+        first_two
+            .iter_mut()
+            .zip(self.gaps(&sweep, &end, (tick, safe), goal))
+            .for_each(|(place, gap)| *place = Some(gap));
+        for (depart, safe) in first_two.into_iter().flatten() {
+            let (arrive, waited) = (depart + sweep.len() as u32, depart - tick);
+            let cost = cost + WAIT_COST * f64::from(waited) + sweep.len() as f64 + extra;
+            if goal || self.is_new(&end, end_gear, arrive, safe, cost) {
                 let legs = legs.iter().map(|leg| Leg { depart: leg.depart + depart, ..*leg }).collect();
-                let next =
-                    Node { pose: end, gear: end_gear, tick: arrive, safe: safe_then, cost, legs, goal };
+                let next = Node { pose: end, gear: end_gear, tick: arrive, safe, cost, legs, goal };
                 tree.push(from, next, self.estimate(cost, arrive, heuristic));
             }
-            found += 1;
-            if safe_then == NEVER {
-                break;
-            }
-            delay += safe_then - arrive + 1;
         }
         self.sweep = sweep;
-        found > 0
+        first_two[0].is_some()
+    }
+
+    /// The gaps in which a sweep fits, for one that is at its start from one tick on and may stay until another one: when
+    /// it leaves, and until when it may stay at the end (for good, if that is its goal). The first ones alone are cheap.
+    fn gaps(
+        &self,
+        sweep: &[Stand],
+        end: &MapPose,
+        (tick, safe): (u32, u32),
+        goal: bool,
+    ) -> impl Iterator<Item = (u32, u32)> {
+        let still = sweep
+            .last()
+            .map_or_else(|| Stand::still(self.task.car, end), |stand| Stand { look: None, ..*stand });
+        let (mut delay, mut met) = (0, 0);
+        std::iter::from_fn(move || {
+            while delay <= MOST_WAIT && tick + delay <= safe {
+                let depart = tick + delay;
+                if !self.crowd.is_clear(sweep, depart, &mut met) {
+                    if depart > self.crowd.still {
+                        break;
+                    }
+                    delay += 2;
+                    continue;
+                }
+                let arrive = depart + sweep.len() as u32;
+                let safe_then = self.crowd.safe_until(&still, arrive);
+                if goal && safe_then != NEVER {
+                    delay += 4;
+                    continue;
+                }
+                delay = if safe_then == NEVER { NEVER } else { delay + safe_then - arrive + 1 };
+                return Some((depart, safe_then));
+            }
+            delay = NEVER;
+            None
+        })
     }
 
     /// The stands tick by tick, the end, and what the pieces cost beyond their time; `None` if
@@ -384,6 +404,9 @@ impl Expand for Search<'_> {
 fn rank(path: &Path) -> f64 {
     path.length_m() + TICK_WAY_M * GEAR_COST * path.cusps() as f64
 }
+
+mod same_way;
+pub(super) use same_way::keep_to;
 
 #[cfg(test)]
 mod tests;

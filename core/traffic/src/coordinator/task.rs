@@ -17,6 +17,16 @@ pub(super) struct Target {
     pub(super) yaw_rad: Option<f64>,
 }
 
+/// What a way is looked for.
+#[derive(Clone, Copy)]
+pub(super) enum Course<'a> {
+    ToGoal,
+    /// Out of the others' way, by how far that is from anywhere.
+    Aside(&'a Field),
+    /// The rest of its present way, at other times.
+    Along(&'a [Piece]),
+}
+
 /// Another truck, and how far to stay away from it in m.
 #[derive(Clone, Copy)]
 pub(super) struct Other<'a> {
