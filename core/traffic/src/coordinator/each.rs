@@ -34,8 +34,10 @@ impl Solver<'_> {
         // Those with ways first, or others take each gap before them; with half of the nodes at most.
         let kept = self.left / 2;
         self.left -= kept;
+        let mut steps = Vec::new();
         for index in self.job.indices(|member| member.slow) {
             expected = self.sooner(index, &led, expected);
+            steps.push((index, expected.clone()));
         }
         self.left += kept;
         let mut open = wanting.to_vec();
@@ -52,15 +54,33 @@ impl Solver<'_> {
                 if found.is_none() && self.left == 0 && wanting[0] != index {
                     self.untried.insert(index);
                 }
-                found_one |= found.is_some();
-                expected = found.unwrap_or(expected);
+                if let Some(found) = found {
+                    found_one = true;
+                    expected = found;
+                    steps.push((index, expected.clone()));
+                }
             }
             if waiting.is_empty() || !found_one {
                 break;
             }
             open = waiting;
         }
-        self.ordered(expected)
+        self.up_to_a_ring(&steps)
+    }
+
+    /// All of these, one upon the other; if they would block each other, as many of the first as do not. Whoever closes
+    /// the ring has no way yet, and for those after it none was looked for.
+    fn up_to_a_ring(&mut self, steps: &[(usize, Expected)]) -> Option<Solution> {
+        let (mut fits, mut blocks, mut look, mut best) = (0, steps.len() + 1, steps.len(), None);
+        while blocks - fits > 1 {
+            match self.ordered(steps[look - 1].1.clone()) {
+                Some(found) => (fits, best) = (look, Some(found)),
+                None => blocks = look,
+            }
+            look = usize::midpoint(fits, blocks);
+        }
+        self.untried.extend(steps.iter().skip(blocks).map(|(index, _)| *index));
+        best
     }
 
     /// One that has stood on its way for long is led to its goal clearly sooner, if that can be, at other times on its way
@@ -194,6 +214,7 @@ mod tests {
     use xtb_nav::{Car, Path, Piece};
 
     const EAST: f64 = 0.0;
+    const WEST: f64 = std::f64::consts::PI;
     const SOUTH: f64 = -std::f64::consts::FRAC_PI_2;
 
     fn stand(x_m: f64, y_m: f64) -> Stand {
@@ -253,6 +274,33 @@ mod tests {
         assert_eq!(result.counts(), (2, 0));
         assert!(!passes(&result.plans[1].way));
         assert!(!result.order.contains_key(&(1, 2)));
+    }
+
+    #[test]
+    fn where_two_would_block_each_other_those_before_them_go_and_those_after_are_looked_for_again() {
+        let ways = [
+            ([2.0, 4.0, EAST], [8.0, 4.0, EAST]),
+            ([8.0, 4.0, WEST], [2.0, 4.0, WEST]),
+            ([2.0, 8.0, EAST], [8.0, 8.0, EAST]),
+        ];
+        let (job, mut always) = (job(GridRoom::with(12.0, 12.0, &[]), &ways, 0), || true);
+        let (mut solver, mut expected, mut steps) =
+            (Solver::new(&job, &mut always), Expected::default(), Vec::new());
+        for (index, member) in job.members.iter().enumerate() {
+            let mut path = member.way.path.clone();
+            path.push(Piece { length_m: 6.0, curvature_per_m: 0.0 });
+            let way = DiscretizedPath::new(path, &member.car);
+            let at_m: Vec<f64> = (0..=86_u32).map(|tick| (f64::from(tick) * TICK_WAY_M).min(6.0)).collect();
+            let line = member.driving(&way, &at_m);
+            expected.take(index, way, &at_m, line);
+            steps.push((index, expected.clone()));
+        }
+        let found = solver.up_to_a_ring(&steps).unwrap();
+        assert_eq!(found.ways.keys().copied().collect::<Vec<_>>(), [0]);
+        assert_eq!(solver.untried, BTreeSet::from([2]));
+        steps.remove(1);
+        assert!(solver.up_to_a_ring(&steps[..1]).is_some());
+        assert!(solver.up_to_a_ring(&[]).is_none());
     }
 
     #[test]

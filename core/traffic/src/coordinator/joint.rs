@@ -68,27 +68,7 @@ impl JointJob {
     /// before each truck's search).
     #[must_use]
     pub fn solve(&self, keep_going: &mut dyn FnMut() -> bool) -> JointResult {
-        let mut solver = Solver {
-            job: self,
-            keep_going,
-            fields: BTreeMap::new(),
-            blocks: self.blocks.iter().map(|block| Occupancy::standing(&block.stands)).collect(),
-            reserved: self.reserved.iter().map(|goal| Occupancy::standing(&[goal.stand])).collect(),
-            running: None,
-            left: self.budget,
-            wait: 0,
-            group_left: self.group_budget,
-            turn_left: self.turn_budget,
-            random: self.seed,
-            tries: 0,
-            choices: 0,
-            failures: BTreeMap::new(),
-            evading: BTreeSet::new(),
-            stuck: None,
-            served: None,
-            behind: BTreeMap::new(),
-            untried: BTreeSet::new(),
-        };
+        let mut solver = Solver::new(self, keep_going);
         let wanting: Vec<usize> = self.indices(|member| member.wanting).collect();
         if self.each_for_itself {
             let solution = solver.each(&wanting);
@@ -158,7 +138,31 @@ impl JointJob {
     }
 }
 
-impl Solver<'_> {
+impl<'a> Solver<'a> {
+    pub(super) fn new(job: &'a JointJob, keep_going: &'a mut dyn FnMut() -> bool) -> Self {
+        Self {
+            job,
+            keep_going,
+            fields: BTreeMap::new(),
+            blocks: job.blocks.iter().map(|block| Occupancy::standing(&block.stands)).collect(),
+            reserved: job.reserved.iter().map(|goal| Occupancy::standing(&[goal.stand])).collect(),
+            running: None,
+            left: job.budget,
+            wait: 0,
+            group_left: job.group_budget,
+            turn_left: job.turn_budget,
+            random: job.seed,
+            tries: 0,
+            choices: 0,
+            failures: BTreeMap::new(),
+            evading: BTreeSet::new(),
+            stuck: None,
+            served: None,
+            behind: BTreeMap::new(),
+            untried: BTreeSet::new(),
+        }
+    }
+
     /// Ways for all to their goals, as far as there are any; and whether a group was planned at once.
     fn all_at_once(&mut self) -> (Option<Solution>, bool) {
         let mut standing = BTreeSet::new();
