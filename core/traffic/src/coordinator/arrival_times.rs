@@ -55,7 +55,7 @@ pub(super) fn go_on(
     let (gear, tick) = (member.way.gears[member.held], at_m.len() as u32 - 1);
     let task = Task { room, car, start, gear, tick, target, field, others, soft };
     let legs = match rest {
-        Some(pieces) => keep_to(&task, pieces)?,
+        Some(pieces) => keep_to(&task, pieces, left)?,
         None => search(&task, most, left)?,
     };
     Ok((DiscretizedPath::new(extend(head, &legs, &mut at_m), car), at_m))

@@ -138,7 +138,8 @@ impl Solver<'_> {
                     is_thing: block.only.is_some(),
                 },
             ))
-            .chain(job.reserved_for(member).map(|place| Other {
+            // Who only makes way may go anywhere.
+            .chain(job.reserved_for(member).filter(|_| aside.is_none()).map(|place| Other {
                 line: &self.reserved[place],
                 separation_m: separation_m(mine, &[job.reserved[place].stand]),
                 is_thing: false,

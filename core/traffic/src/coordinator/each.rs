@@ -19,10 +19,18 @@ const WAITS: [u32; 2] = [120, 240];
 /// Expansions for one of several, in its first so many tries; later it may need more. Chosen, not measured.
 const EXPANSIONS_QUICK: u32 = 1500;
 const QUICK_TRIES: u32 = 2;
-/// Another way is taken only if it is so much shorter, in ticks (5 s); chosen, not measured.
+/// Another way, or other times on the same one, are taken only if they are so much shorter, in ticks (5 s); chosen, not
+/// measured.
 const SOONER_TICKS: u32 = 20;
 /// So many headings are looked at where any will do.
 const HEADINGS: u32 = 16;
+
+impl Expected {
+    /// Whether this one is there clearly sooner than before.
+    fn is_sooner(&self, index: usize, before: &Self) -> bool {
+        before.lines[&index].end().saturating_sub(self.lines[&index].end()) > SOONER_TICKS
+    }
+}
 
 impl Solver<'_> {
     /// Ways for as many of these as find one: whoever has none yet stands where it stands. Who only waits for the
@@ -31,11 +39,17 @@ impl Solver<'_> {
         let standing: BTreeSet<usize> = wanting.iter().copied().collect();
         let led: Vec<usize> = self.job.indices(|member| !member.wanting && !member.fixed).collect();
         let mut expected = self.expected(&[], &led, &standing)?;
-        // Those with ways first, or others take each gap before them; with half of the nodes at most.
-        let kept = self.left / 2;
+        let slow: Vec<usize> = self.job.indices(|member| member.slow).collect();
+        // Those with ways first, or others take each gap before them; with no more than their share of the nodes.
+        let kept = self.left / (slow.len() + wanting.len()).max(1) as u32 * wanting.len() as u32;
         self.left -= kept;
         let mut steps = Vec::new();
-        for index in self.job.indices(|member| member.slow) {
+        // What costs least for all of them first.
+        for &index in &slow {
+            expected = self.along(index, &expected).unwrap_or(expected);
+            steps.push((index, expected.clone()));
+        }
+        for &index in &slow {
             expected = self.sooner(index, &led, expected);
             steps.push((index, expected.clone()));
         }
@@ -68,8 +82,9 @@ impl Solver<'_> {
         self.up_to_a_ring(&steps)
     }
 
-    /// All of these, one upon the other; if they would block each other, as many of the first as do not. Whoever closes
-    /// the ring has no way yet, and for those after it none was looked for.
+    /// All of these, one upon the other; if they would block each other, the first ones that do not. Whoever closes the
+    /// ring gets nothing, and those after it are looked for again: what they were led around does not go there. Who found
+    /// nothing has had its turn nevertheless, or the same ones would be the first ones again and again.
     fn up_to_a_ring(&mut self, steps: &[(usize, Expected)]) -> Option<Solution> {
         let (mut fits, mut blocks, mut look, mut best) = (0, steps.len() + 1, steps.len(), None);
         while blocks - fits > 1 {
@@ -86,25 +101,29 @@ impl Solver<'_> {
     /// One that has stood on its way for long is led to its goal clearly sooner, if that can be, at other times on its way
     /// or on another one. Its goal is kept free: who would pass that later goes around, if it can.
     fn sooner(&mut self, index: usize, led: &[usize], mut expected: Expected) -> Expected {
-        let is_kept = self.job.reserved.iter().any(|reserved| reserved.id == self.job.members[index].id);
-        let late = if is_kept { self.late(index, led, &expected) } else { Vec::new() };
-        for other in late.into_iter().filter(|&other| other != index) {
+        let job = self.job;
+        let goal = job.reserved.iter().position(|reserved| reserved.id == job.members[index].id);
+        let late = goal.map_or_else(Vec::new, |_| self.late(index, led, &expected));
+        let leaves_free =
+            |other: &usize| job.reserved_for(&job.members[*other]).any(|place| Some(place) == goal);
+        for other in late.into_iter().filter(leaves_free) {
             expected = self.with_moved(other, &[], &expected, EXPANSIONS_QUICK).unwrap_or(expected);
         }
-        let end = expected.lines[&index].end();
-        let is_sooner = |found: &Expected| end.saturating_sub(found.lines[&index].end()) > SOONER_TICKS;
-        let found = self.along(index, &expected).filter(is_sooner);
-        let found =
-            found.or_else(|| self.with_moved(index, &[], &expected, EXPANSIONS_QUICK).filter(is_sooner));
+        let mut found = self.along(index, &expected);
+        if found.is_none() && !expected.ways.contains_key(&index) {
+            found = self.with_moved(index, &[], &expected, EXPANSIONS_QUICK);
+            found = found.filter(|found| found.is_sooner(index, &expected));
+        }
         found.unwrap_or(expected)
     }
 
-    /// With this one on the way that it has, as early as all others let it.
+    /// With this one on the way that it has, as early as all others let it, if that is clearly sooner.
     fn along(&mut self, index: usize, expected: &Expected) -> Option<Expected> {
         let member = &self.job.members[index];
         let way = expected.ways.get(&index).unwrap_or(&member.way);
         let rest = way.path.tail(way.at_m(member.held)).pieces;
-        self.with(index, expected.clone(), Course::Along(&rest), 0)
+        let found = self.with(index, expected.clone(), Course::Along(&rest), 0)?;
+        found.is_sooner(index, expected).then_some(found)
     }
 
     /// A way for this one, if it has to be at another time or with other ways of those that may get some.
@@ -269,11 +288,16 @@ mod tests {
         let passes = |way: &DiscretizedPath| way.stands.iter().any(|stand| stand.touches(&goal, 0.0));
         assert!(passes(&job.members[1].way));
         assert_eq!(solved(job.clone()).counts(), (0, 0));
-        job.reserved = vec![Reserved { id: 1, stand: goal }];
-        let result = solved(job);
-        assert_eq!(result.counts(), (2, 0));
-        assert!(!passes(&result.plans[1].way));
-        assert!(!result.order.contains_key(&(1, 2)));
+        job.reserved = vec![Reserved { id: 1, kept_ms: 20_000, stand: goal }];
+        job.members[0].kept_ms = 20_000;
+        // Who has waited longer itself keeps its way.
+        for (kept_ms, both) in [(10_000, true), (30_000, false)] {
+            job.members[1].kept_ms = kept_ms;
+            let result = solved(job.clone());
+            assert_eq!(result.counts(), (2 * usize::from(both), 0));
+            assert!(!both || !passes(&result.plans[1].way));
+            assert_eq!(result.order.contains_key(&(1, 2)), !both);
+        }
     }
 
     #[test]
@@ -309,19 +333,21 @@ mod tests {
         let across = ([1.0, 4.0, 0.0], [11.0, 4.0, 0.0]);
         let there = ([6.0, 1.0, 0.0], [6.0, 4.0, 0.0]);
         let away = ([6.1, 4.1, 0.0], [11.0, 7.0, 0.0]);
-        let passes = |way: ([f64; 3], [f64; 3]), reserved: &[u32]| {
+        let passes = |way: ([f64; 3], [f64; 3]), reserved: &[u32], kept_ms: u64| {
             let mut job = job(GridRoom::with(12.0, 8.0, &[]), &[way], 0);
-            job.reserved = reserved.iter().map(|&id| Reserved { id, stand: goal }).collect();
+            job.reserved = reserved.iter().map(|&id| Reserved { id, kept_ms: 20_000, stand: goal }).collect();
+            job.members[0].kept_ms = kept_ms;
             let result = solved(job);
             assert_eq!(result.counts(), (1, 0));
             result.plans[0].way.stands.iter().any(|stand| stand.touches(&goal, 0.0))
         };
-        assert!(passes(across, &[]));
-        assert!(!passes(across, &[7]));
-        // It may have waited longest itself.
-        assert!(passes(across, &[1, 7]));
+        assert!(passes(across, &[], 0));
+        assert!(!passes(across, &[7], 0));
+        // It may have waited longest itself; of two that have waited for as long the same one goes first each time.
+        assert!(passes(across, &[7], 30_000));
+        assert!(passes(across, &[7], 20_000) && !passes(across, &[0], 20_000));
         // Whose goal it is goes there, and who stands there goes away.
-        assert!(passes(there, &[1]));
-        assert!(passes(away, &[7]));
+        assert!(passes(there, &[1], 20_000));
+        assert!(passes(away, &[7], 0));
     }
 }

@@ -5,6 +5,7 @@ use super::occupancy::Occupancy;
 use super::order::Order;
 use super::room::RoomGeometry;
 use super::task::Target;
+use std::cmp::Reverse;
 use std::sync::Arc;
 use xtb_nav::Car;
 use xtb_nav::geometry::rect::{Rect, Stand};
@@ -26,10 +27,13 @@ pub(super) struct Member {
     pub(super) wanting: bool,
     /// It keeps its way, and goes on along it while the plan is made.
     pub(super) fixed: bool,
-    /// It has stood on its way for long: it gets another one if that leads it to its goal clearly sooner.
+    /// It has stood on its way for long: it gets another one, or other times on that, if that leads it to its goal clearly
+    /// sooner.
     pub(super) slow: bool,
     /// For so long it has had a goal and has not been led to it, in ms.
     pub(super) waited_ms: u64,
+    /// For so long it has been kept waiting, in ms; the time in which it drove does not count.
+    pub(super) kept_ms: u64,
     /// So often in a row no way was found among many.
     pub(super) misses: u32,
     pub(super) target: Target,
@@ -65,10 +69,12 @@ impl Block {
     }
 }
 
-/// The goal of one among many that has waited for long: nobody else is led through it any more.
+/// The goal of one among many that has waited for long: nobody that has waited less is led through it any more.
 #[derive(Debug, Clone)]
 pub(super) struct Reserved {
     pub(super) id: u32,
+    /// As in [`Member`].
+    pub(super) kept_ms: u64,
     pub(super) stand: Stand,
 }
 
@@ -79,7 +85,6 @@ pub struct JointJob {
     pub(super) room: Arc<dyn RoomGeometry>,
     pub(super) members: Vec<Member>,
     pub(super) blocks: Vec<Block>,
-    /// Whoever has waited longest first.
     pub(super) reserved: Vec<Reserved>,
     pub(super) order: Order,
     pub(super) seed: u64,
@@ -107,10 +112,13 @@ impl JointJob {
     /// Places in [`Self::reserved`] of the goals that this one has to leave free: not its own, nor those of others that
     /// have waited less, nor one on which it stands.
     pub(super) fn reserved_for<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = usize> {
-        let before = self.reserved.iter().take_while(|reserved| reserved.id != member.id).enumerate();
+        let is_before = |reserved: &Reserved| {
+            (Reverse(reserved.kept_ms), reserved.id) < (Reverse(member.kept_ms), member.id)
+        };
         let stands_there =
             |reserved: &Reserved| member.held_stands().iter().any(|held| held.touches(&reserved.stand, 0.0));
-        before.filter(move |(_, reserved)| !stands_there(reserved)).map(|(place, _)| place)
+        let reserved = self.reserved.iter().enumerate();
+        reserved.filter(move |(_, one)| is_before(one) && !stands_there(one)).map(|(place, _)| place)
     }
 
     pub(super) fn indices(&self, which: impl Fn(&Member) -> bool) -> impl Iterator<Item = usize> {

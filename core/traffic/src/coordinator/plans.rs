@@ -51,7 +51,7 @@ const SLOW_MS: u64 = 15_000;
 /// … but not more often than this, in ms, and at most so many at once; all chosen, not measured.
 const SLOW_AGAIN_MS: u64 = 10_000;
 const MOST_SLOW: usize = 8;
-/// Who has waited for so long without a way among many, in ms, is kept its goal free …
+/// Who has been kept waiting for so long among many, in ms, is kept its goal free …
 const RESERVED_MS: u64 = 15_000;
 /// … for so many at most; both chosen, not measured.
 const MOST_RESERVED: usize = 12;
@@ -90,12 +90,14 @@ impl Coordinator {
             .collect();
         // The one that was planned longest ago: those that find no way again and again leave the others their turns.
         free.sort_by_key(|region| region.iter().map(|&index| self.trucks[index].pause_until).max());
-        let (members, look) = free.into_iter().find_map(|region| self.chosen(now, region))?;
-        Some(self.job_of(now, members, look))
+        let reserved = self.reserved(now);
+        let (members, look) = free.into_iter().find_map(|region| self.chosen(now, region, &reserved))?;
+        let reserved = if look == Look::Together { Vec::new() } else { reserved };
+        Some(self.job_of(now, members, look, reserved))
     }
 
     /// Who is planned in a region, and how thoroughly; `None` = nobody now.
-    fn chosen(&self, now: Stamp, region: &[usize]) -> Option<(Vec<Member>, Look)> {
+    fn chosen(&self, now: Stamp, region: &[usize], reserved: &[Reserved]) -> Option<(Vec<Member>, Look)> {
         let of = |&index: &usize| self.member(now, &self.trucks[index]).map(|member| (index, member));
         let members: Vec<(usize, Member)> = region.iter().filter_map(of).collect();
         let truck = |index: usize| &self.trucks[index];
@@ -110,10 +112,14 @@ impl Coordinator {
         wanted.sort_by_key(|&index| (since[index], truck(index).id));
         let &first = wanted.first()?;
         let misses = truck(first).misses;
-        let (wanted, mut moved, look): (Vec<usize>, BTreeSet<usize>, Look) = if misses < ALONE_TRIES {
+        let mut slow = Vec::new();
+        let (wanted, moved, look): (Vec<usize>, BTreeSet<usize>, Look) = if misses < ALONE_TRIES {
             wanted.retain(|&index| truck(index).misses < ALONE_TRIES);
             wanted.truncate(MOST_AT_ONCE);
-            let moved = wanted.iter().flat_map(|&index| self.passing(index, &members));
+            slow = self.slow(now, &members);
+            let is_kept = |&&index: &&usize| reserved.iter().any(|goal| goal.id == truck(index).id);
+            let kept = slow.iter().filter(is_kept);
+            let moved = kept.chain(&wanted).flat_map(|&index| self.passing(index, &members));
             let moved = moved.take(MOST_MOVED).collect();
             (wanted, moved, Look::Each)
         } else {
@@ -121,15 +127,13 @@ impl Coordinator {
             let wanted = std::iter::once(first).chain(others).collect();
             (wanted, self.neighbours(first, &members, false).into_iter().collect(), Look::Thorough)
         };
-        let slow = if look == Look::Each { self.slow(now, &members) } else { BTreeSet::new() };
-        moved.extend(slow.iter().flat_map(|&index| self.passing(index, &members)));
         let mut part = Vec::with_capacity(members.len());
         for (index, member) in members {
-            let slow = slow.contains(&index);
-            let fixed = !member.wanting && !slow && !moved.contains(&index);
-            let rank = wanted.iter().position(|&wanted| wanted == index);
+            let place = |among: &[usize]| among.iter().position(|&other| other == index);
+            let (rank, slow) = (place(&wanted), place(&slow));
+            let fixed = !member.wanting && slow.is_none() && !moved.contains(&index);
             if !member.wanting || rank.is_some() {
-                part.push((rank, Member { fixed, slow, ..member }));
+                part.push(((rank, slow), Member { fixed, slow: slow.is_some(), ..member }));
             }
         }
         // What is left of the nodes goes to the most neglected first.
@@ -137,16 +141,19 @@ impl Coordinator {
         Some((part.into_iter().map(|(_, member)| member).collect(), look))
     }
 
-    /// Those that have stood on their ways for longest, and were not looked after lately.
-    fn slow(&self, now: Stamp, members: &[(usize, Member)]) -> BTreeSet<usize> {
+    /// Those that have stood for longest with ways to their goals, and were not looked after lately; the first one longest.
+    fn slow(&self, now: Stamp, members: &[(usize, Member)]) -> Vec<usize> {
         let truck = |index: usize| &self.trucks[index];
         let is_slow = |&index: &usize| {
-            truck(index).stood_ms > SLOW_MS && now.since_ms(truck(index).looked_after) > SLOW_AGAIN_MS
+            truck(index).stood_ms > SLOW_MS
+                && now.since_ms(truck(index).looked_after) > SLOW_AGAIN_MS
+                && truck(index).route.as_ref().is_some_and(|route| !route.evades)
         };
         let led = members.iter().filter(|(_, member)| !member.wanting).map(|(index, _)| *index);
         let mut slow: Vec<usize> = led.filter(is_slow).collect();
         slow.sort_by_key(|&index| Reverse(truck(index).stood_ms));
-        slow.into_iter().take(MOST_SLOW).collect()
+        slow.truncate(MOST_SLOW);
+        slow
     }
 
     /// Since when each truck, or one that waits for it to leave a place, has not been looked after.
@@ -203,7 +210,7 @@ impl Coordinator {
         others.map(|(index, _)| *index).take(MOST_NEIGHBOURS).collect()
     }
 
-    fn job_of(&mut self, now: Stamp, members: Vec<Member>, look: Look) -> JointJob {
+    fn job_of(&mut self, now: Stamp, members: Vec<Member>, look: Look, reserved: Vec<Reserved>) -> JointJob {
         let ids: BTreeSet<u32> = members.iter().map(|member| member.id).collect();
         for member in members.iter().filter(|member| member.slow) {
             if let Some(index) = place_of(&self.trucks, member.id) {
@@ -232,7 +239,6 @@ impl Coordinator {
             Look::Each => (EACH_BUDGET, 0, 0),
             Look::Thorough => (THOROUGH_BUDGET, 0, THOROUGH_BUDGET),
         };
-        let reserved = if look == Look::Together { Vec::new() } else { self.reserved(now) };
         JointJob {
             id: self.jobs,
             room: Arc::clone(&self.room),
@@ -250,7 +256,6 @@ impl Coordinator {
 
     /// Goals that others are led past again and again, so that those who want to go there stand for long.
     fn reserved(&self, now: Stamp) -> Vec<Reserved> {
-        let waited_ms = |truck: &Truck| truck.waited_ms(now).max(truck.stood_ms);
         let is_passed_over = |truck: &&Truck| {
             // One that drives only passes.
             let stays = |name: &str| !self.named(name).is_some_and(Truck::is_live);
@@ -258,21 +263,18 @@ impl Coordinator {
                 .none
                 .as_ref()
                 .is_some_and(|none| none.for_good || none.by.as_deref().is_some_and(stays));
-            let waits = if truck.is_live() {
-                truck.stood_ms > RESERVED_MS
-            } else {
-                truck.misses > 0 && !in_vain && truck.waited_ms(now) > RESERVED_MS
-            };
-            waits && truck.can_be_led(now)
+            let is_missed = truck.is_live() || (truck.misses > 0 && !in_vain);
+            is_missed && truck.kept_ms(now) > RESERVED_MS && truck.can_be_led(now)
         };
         let mut passed_over: Vec<&Truck> = self.trucks.iter().filter(is_passed_over).collect();
-        passed_over.sort_by_key(|truck| Reverse(waited_ms(truck)));
+        passed_over.sort_by_key(|truck| Reverse(truck.kept_ms(now)));
         let reserved = |truck: &Truck| {
             let (_, goal) = truck.goal()?;
             let half_m = truck.car().reach_m();
             let any_heading = Car { front_m: half_m, rear_m: half_m, half_width_m: half_m, ..truck.car() };
             let pose = MapPose { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: 0.0 };
-            Some(Reserved { id: truck.id, stand: Stand::still(&any_heading, &pose) })
+            let (kept_ms, stand) = (truck.kept_ms(now), Stand::still(&any_heading, &pose));
+            Some(Reserved { id: truck.id, kept_ms, stand })
         };
         passed_over.into_iter().take(MOST_RESERVED).filter_map(reserved).collect()
     }
@@ -305,6 +307,7 @@ impl Coordinator {
             fixed: false,
             slow: false,
             waited_ms: truck.waited_ms(now),
+            kept_ms: truck.kept_ms(now),
             misses: truck.misses,
             target: Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: goal.yaw_rad },
         })
@@ -388,10 +391,36 @@ mod tests {
         assert!(reserved(&mut coordinator, 1000 + RESERVED_MS).is_empty());
         assert_eq!(reserved(&mut coordinator, 2001 + RESERVED_MS), [2, 1]);
         // The one that was in the way drives now.
-        let truck = &mut coordinator.trucks[0];
+        coordinator.trucks[0].route = Some(route(&coordinator.trucks[0]));
+        assert_eq!(reserved(&mut coordinator, 2001 + RESERVED_MS), [2, 3]);
+    }
+
+    /// Of one that is led.
+    fn route(truck: &Truck) -> Route {
         let way = Arc::new(DiscretizedPath::new(Path::standing(truck.view.pose), &truck.car()));
         let (plan, base, live, evades) = (1, 1, true, false);
-        truck.route = Some(Route { plan, base, way, done_m: 0.0, release: 0, release_m: 0.0, live, evades });
-        assert_eq!(reserved(&mut coordinator, 2001 + RESERVED_MS), [2, 3]);
+        Route { plan, base, way, done_m: 0.0, release: 0, release_m: 0.0, live, evades }
+    }
+
+    #[test]
+    fn of_those_with_paths_to_their_goals_the_one_that_has_stood_longest_is_first_however_long_others_drove()
+    {
+        let mut coordinator = Coordinator::new(Arc::new(GridRoom::with(34.0, 4.0, &[])), 1);
+        for (name, x_m) in [("a", 2.0), ("b", 8.0), ("c", 14.0), ("d", 20.0)] {
+            let at = Stamp::from_ms(if name == "a" { 1000 } else { 200_000 });
+            coordinator.robot(at, view(name, x_m));
+        }
+        let now = Stamp::from_ms(300_000);
+        for (truck, stood_ms) in coordinator.trucks.iter_mut().zip([20_000, 40_000, 60_000, 10_000]) {
+            (truck.seen, truck.stood_ms, truck.route) = (now, stood_ms, Some(route(truck)));
+        }
+        // What leads only aside is no path to a goal.
+        coordinator.trucks[2].route.as_mut().unwrap().evades = true;
+        let members: Vec<(usize, Member)> = (0..4)
+            .map(|index| (index, coordinator.member(now, &coordinator.trucks[index]).unwrap()))
+            .collect();
+        assert_eq!(coordinator.slow(now, &members), [1, 0]);
+        let reserved = coordinator.reserved(now);
+        assert_eq!(reserved.iter().map(|goal| goal.kept_ms).collect::<Vec<_>>(), [60_000, 40_000, 20_000]);
     }
 }

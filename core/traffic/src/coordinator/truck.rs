@@ -168,6 +168,11 @@ impl Truck {
         now.since_ms(self.wants_since)
     }
 
+    /// For how long it has been kept waiting, in ms: who has a path waits only while it stands.
+    pub(super) fn kept_ms(&self, now: Stamp) -> u64 {
+        if self.is_live() { self.stood_ms } else { self.waited_ms(now).max(self.stood_ms) }
+    }
+
     /// Another turn of so long is over.
     pub(super) fn count_standing(&mut self, now: Stamp, turn_ms: u64) {
         self.stood_ms = if self.can_be_led(now) && self.stands() { self.stood_ms + turn_ms } else { 0 };

@@ -3,7 +3,7 @@
 //! Safe intervals as in [`super`], but piece by piece along one way: at the end of each, of all arrivals that have until
 //! the same tick to go on, the earliest is kept.
 
-use super::{COARSE, Search};
+use super::{COARSE, MOVES, Search};
 use crate::coordinator::occupancy::{NEVER, TICK_WAY_M};
 use crate::coordinator::task::{Leg, Stuck, Task};
 use xtb_nav::Piece;
@@ -23,14 +23,21 @@ struct Arrival {
 }
 
 /// When each of these pieces, one behind the other from the start on, is driven so that the end is reached as early as it
-/// can be, and for good.
-pub(in crate::coordinator) fn keep_to(task: &Task<'_>, pieces: &[Piece]) -> Result<Vec<Leg>, Stuck> {
-    let mut search = Search::new(task, &COARSE, LOOK_OUT_M)?;
+/// can be, and for good. As many pieces as an expanded node makes moves count one down in `left`.
+pub(in crate::coordinator) fn keep_to(
+    task: &Task<'_>,
+    pieces: &[Piece],
+    left: &mut u32,
+) -> Result<Vec<Leg>, Stuck> {
+    let search = Search::new(task, &COARSE, LOOK_OUT_M)?;
     let safe = search.crowd.safe_until(&Stand::still(task.car, &task.start), task.tick);
     let mut arrivals = vec![vec![Arrival { tick: task.tick, safe, depart: task.tick, from: 0 }]];
-    let (mut legs, mut sweep) = (Vec::new(), std::mem::take(&mut search.sweep));
+    let (mut legs, mut sweep) = (Vec::new(), Vec::new());
     let (mut pose, mut gear) = (task.start, task.gear);
-    for piece in pieces.iter().flat_map(cut) {
+    for (place, piece) in pieces.iter().flat_map(cut).enumerate() {
+        if place % MOVES.len() == 0 {
+            *left = left.checked_sub(1).ok_or(Stuck::Budget)?;
+        }
         let swept = search.sweep_over(&mut sweep, pose, gear, &[piece]);
         let (end, end_gear, driven, _) = swept.ok_or(Stuck::Nowhere)?;
         let mut next: Vec<Arrival> = Vec::new();
@@ -44,6 +51,9 @@ pub(in crate::coordinator) fn keep_to(task: &Task<'_>, pieces: &[Piece]) -> Resu
                     None => next.push(arrival),
                 }
             }
+        }
+        if next.is_empty() {
+            return Err(Stuck::Nowhere);
         }
         next.truncate(MOST_ARRIVALS);
         arrivals.push(next);

@@ -41,7 +41,9 @@ fn arrives(lines: &[Occupancy]) -> Option<u32> {
     let (others, soft) = (&others[..], &[][..]);
     let task =
         Task { room: &room, car: &car, start, gear: 1.0, tick: 0, target, field: &field, others, soft };
-    let legs = keep_to(&task, &WAY).ok()?;
+    let mut left = 5;
+    let legs = keep_to(&task, &WAY, &mut left).ok()?;
+    assert_eq!(left, 0, "26 pieces are 5 nodes");
     let (mut pose, mut tick) = (start, 0);
     for leg in &legs {
         let is_free = |pose: &MapPose, tick: u32| {
