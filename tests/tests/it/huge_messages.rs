@@ -10,10 +10,11 @@ use xtb_bus::{Bus, SessionRole};
 use xtb_protocol::keys::{Channel, FleetKeys, RobotKeys};
 use xtb_protocol::messages::RobotState;
 
-/// Far more than anybody here takes in.
-const HUGE: usize = 300_000_000;
+/// Far more than anybody here takes in. Its sender closes the link if it is not all on its way within 5 s of waiting
+/// (Zenoh's `wait_before_close`), which 300 MB were not on a busy computer.
+const HUGE: usize = 64_000_000;
 /// A program may grow by so much while that comes in, in KiB.
-const MAY_GROW_KIB: u64 = 64 << 10;
+const MAY_GROW_KIB: u64 = 32 << 10;
 
 fn robot() -> RobotKeys {
     FleetKeys::new(name("lab")).robot(&name("xtb-1"))
