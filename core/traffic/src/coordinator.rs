@@ -66,6 +66,7 @@ use joint::MOST_TICKS;
 use obstacles::Obstacles;
 use order::{Order, Runner, run_ahead};
 use outstanding::Outstanding;
+use plans::TOGETHER;
 use refused::Refused;
 use release::Heads;
 use standstill::Standstill;
@@ -95,6 +96,9 @@ const SETTLED_MS: u64 = 1500;
 /// m, ten seconds' drive: the others go on, since it will mostly be gone by then. Chosen with 300 robots in a hall
 /// (2 m: much the same; 1 m: longer standstills).
 const WAITING_NEAR_M: f64 = 4.0;
+/// Among many it turns away only those that have stood for so long themselves, in ms: mostly it has got its way by then.
+/// Chosen with 500 robots in a hall: when all were turned away at once, as many gave up their ways as got some.
+const PATIENT_MS: u64 = 10_000;
 /// A job that takes longer is lost, in ms. Jobs end by what they may expand, not by the clock: this is only for
 /// one whose thread has died.
 const JOB_MS: u64 = 300_000;
@@ -324,16 +328,19 @@ impl Coordinator {
     /// Who would run into something that stays there looks for another way; into one that has none itself, only when
     /// it is near. Among many somebody always waits for one: whoever gave up its way for that would stand in others'.
     fn turn_away(&mut self, now: Stamp, obstacles: &Obstacles<'_>, waits: &BTreeSet<u32>) {
-        let within_m = |truck: &Truck| if truck.can_be_led(now) { WAITING_NEAR_M } else { f64::MAX };
-        let settled: BTreeMap<u32, f64> = self
+        let patient_ms = if self.trucks.len() > TOGETHER { PATIENT_MS } else { 0 };
+        // Whether each only waits for a way.
+        let settled: BTreeMap<u32, bool> = self
             .trucks
             .iter()
             .filter(|truck| !truck.is_live() && now.since_ms(truck.fixed_since) >= SETTLED_MS)
-            .map(|truck| (truck.id, within_m(truck)))
-            .chain(self.unknown.ids().map(|id| (id, f64::MAX)))
+            .map(|truck| (truck.id, truck.can_be_led(now)))
+            .chain(self.unknown.ids().map(|id| (id, false)))
             .collect();
         for truck in self.trucks.iter_mut().filter(|truck| !waits.contains(&truck.id)) {
-            if obstacles.meet(truck, &settled) {
+            let waiting_m = if truck.stood_ms >= patient_ms { WAITING_NEAR_M } else { 0.0 };
+            let within_m = |id| settled.get(&id).map(|&waits| if waits { waiting_m } else { f64::MAX });
+            if obstacles.meet(truck, within_m) {
                 truck.halt(now);
                 truck.retry_at = now;
             }

@@ -65,12 +65,12 @@ impl<'a> Obstacles<'a> {
         indices.into_iter().map(|index| &self.all[index])
     }
 
-    /// Whether what is not released yet of a truck's way leads through another one of `these`, within so many m of
-    /// way each.
-    pub(super) fn meet(&self, truck: &Truck, these: &BTreeMap<u32, f64>) -> bool {
+    /// Whether what is not released yet of a truck's way leads through another one, within so many m of way; `None` =
+    /// through this one it may.
+    pub(super) fn meet(&self, truck: &Truck, within_m: impl Fn(u32) -> Option<f64>) -> bool {
         let Some(route) = truck.route.as_ref().filter(|route| route.live) else { return false };
         let mut others = self.along(&route.way).filter(|there| there.block.id != truck.id);
-        others.any(|there| these.get(&there.block.id).is_some_and(|&within_m| meets(truck, there, within_m)))
+        others.any(|there| within_m(there.block.id).is_some_and(|within_m| meets(truck, there, within_m)))
     }
 }
 

@@ -31,7 +31,7 @@ const IN_VAIN_BUDGET: u32 = 6_000;
 pub const MOST_JOBS: usize = 4;
 /// So many trucks in a region are planned together, with all that a joint plan can do; of more only those that need
 /// a way, while the others drive on. Chosen, not measured.
-const TOGETHER: usize = 16;
+pub(super) const TOGETHER: usize = 16;
 /// So many of these at once, as far as the nodes last; both chosen, not measured.
 const MOST_AT_ONCE: usize = 24;
 const EACH_BUDGET: u32 = 12_000;
