@@ -66,7 +66,7 @@ use joint::MOST_TICKS;
 use obstacles::Obstacles;
 use order::{Order, Runner, run_ahead};
 use outstanding::Outstanding;
-use plans::TOGETHER;
+use plans::MOST_SOON;
 use refused::Refused;
 use release::Heads;
 use standstill::Standstill;
@@ -96,8 +96,9 @@ const SETTLED_MS: u64 = 1500;
 /// m, ten seconds' drive: the others go on, since it will mostly be gone by then. Chosen with 300 robots in a hall
 /// (2 m: much the same; 1 m: longer standstills).
 const WAITING_NEAR_M: f64 = 4.0;
-/// Among many it turns away only those that have stood for so long themselves, in ms: mostly it has got its way by then.
-/// Chosen with 500 robots in a hall: when all were turned away at once, as many gave up their ways as got some.
+/// While more wait for their ways than can get one soon, it turns away only those that have stood for so long
+/// themselves, in ms: mostly it has got its way by then. Chosen with 500 robots in a hall: when all were turned away at
+/// once, as many gave up their ways as got some; with 300, of which few wait, that is better.
 const PATIENT_MS: u64 = 10_000;
 /// A job that takes longer is lost, in ms. Jobs end by what they may expand, not by the clock: this is only for
 /// one whose thread has died.
@@ -328,7 +329,8 @@ impl Coordinator {
     /// Who would run into something that stays there looks for another way; into one that has none itself, only when
     /// it is near. Among many somebody always waits for one: whoever gave up its way for that would stand in others'.
     fn turn_away(&mut self, now: Stamp, obstacles: &Obstacles<'_>, waits: &BTreeSet<u32>) {
-        let patient_ms = if self.trucks.len() > TOGETHER { PATIENT_MS } else { 0 };
+        let waiting = self.trucks.iter().filter(|truck| !truck.is_live() && truck.can_be_led(now)).count();
+        let patient_ms = if waiting > MOST_SOON { PATIENT_MS } else { 0 };
         // Whether each only waits for a way.
         let settled: BTreeMap<u32, bool> = self
             .trucks

@@ -31,10 +31,12 @@ const IN_VAIN_BUDGET: u32 = 6_000;
 pub const MOST_JOBS: usize = 4;
 /// So many trucks in a region are planned together, with all that a joint plan can do; of more only those that need
 /// a way, while the others drive on. Chosen, not measured.
-pub(super) const TOGETHER: usize = 16;
+const TOGETHER: usize = 16;
 /// So many of these at once, as far as the nodes last; both chosen, not measured.
 const MOST_AT_ONCE: usize = 24;
 const EACH_BUDGET: u32 = 12_000;
+/// If no more than these are without a way, each has its turn soon: two jobs; chosen, not measured.
+pub(super) const MOST_SOON: usize = 2 * MOST_AT_ONCE;
 /// So many that are led past one of these, or past its goal, may get other ways for it; chosen, not measured.
 const MOST_NEIGHBOURS: usize = 12;
 /// The same for all of these; chosen, not measured.
