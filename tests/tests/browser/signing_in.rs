@@ -2,6 +2,7 @@
 //! what a viewer's page looks like.
 
 use super::driver::{self, Browser};
+use super::hand;
 use super::{beside_another, press};
 use fantoccini::Locator;
 use fantoccini::key::Key;
@@ -134,16 +135,9 @@ async fn an_operator_signs_in_drives_and_stops_and_is_thrown_out_when_revoked() 
     screen(&browser, "who").await;
     browser.click("#who summary").await;
 
-    browser.click("[data-robot=xtb-1]").await;
-    browser.click("#drive-begin").await;
-    browser.until("the stick", "return !document.getElementById('drive').hidden").await;
+    hand::drive(&secured.fleet, &browser).await;
     let lease = secured.fleet.until(1, "a lease", |state| state.lease.is_some()).await.lease.unwrap();
     assert!(lease.holder.as_str().starts_with("web-alice-"), "{}", lease.holder);
-    let down = fantoccini::actions::KeyAction::Down { value: 'w' };
-    let hold =
-        fantoccini::actions::InputSource::then(fantoccini::actions::KeyActions::new("keyboard".into()), down);
-    browser.page.perform_actions(hold).await.unwrap();
-    eventually("it drives", || async { (secured.fleet.truth(1).speed_mps > 0.1).then_some(()) }).await;
     press(&browser, &[char::from(Key::Shift), ' ']).await;
     let state = secured.fleet.until(1, "latched", |state| !state.latches.is_empty()).await;
     assert!(state.latches[0].by.as_str().starts_with("web-alice-"), "{:?}", state.latches);
