@@ -2,7 +2,7 @@
 
 use super::arrival_times::to_release;
 use super::expected::Expected;
-use super::joint::{Solution, Solver};
+use super::joint::{Failed, Solution, Solver};
 use super::occupancy::{NEVER, Occupancy, TICK_WAY_M};
 use super::separation::{SEPARATIONS_M, separation_m};
 use super::task::{Course, EXPANSIONS_EACH};
@@ -22,6 +22,9 @@ const QUICK_TRIES: u32 = 2;
 /// Another way, or other times on the same one, are taken only if they are so much shorter, in ticks (5 s); chosen, not
 /// measured.
 const SOONER_TICKS: u32 = 20;
+/// Of those that would be led around for another one so many may keep their ways, since they find no other; chosen, not
+/// measured.
+const MOST_KEEP: usize = 2;
 /// So many headings are looked at where any will do.
 const HEADINGS: u32 = 16;
 
@@ -107,11 +110,12 @@ impl Solver<'_> {
         let leaves_free =
             |other: &usize| job.reserved_for(&job.members[*other]).any(|place| Some(place) == goal);
         for other in late.into_iter().filter(leaves_free) {
-            expected = self.with_moved(other, &[], &expected, EXPANSIONS_QUICK).unwrap_or(expected);
+            expected =
+                self.with(other, expected.clone(), Course::ToGoal, EXPANSIONS_QUICK).unwrap_or(expected);
         }
         let mut found = self.along(index, &expected);
         if found.is_none() && !expected.ways.contains_key(&index) {
-            found = self.with_moved(index, &[], &expected, EXPANSIONS_QUICK);
+            found = self.with(index, expected.clone(), Course::ToGoal, EXPANSIONS_QUICK);
             found = found.filter(|found| found.is_sooner(index, &expected));
         }
         found.unwrap_or(expected)
@@ -131,13 +135,13 @@ impl Solver<'_> {
         let again = self.job.members[index].misses >= QUICK_TRIES;
         let most = if again { EXPANSIONS_EACH } else { EXPANSIONS_QUICK };
         let late = self.late(index, led, expected);
-        let moved = if late.is_empty() { None } else { self.with_moved(index, &late, expected, most) };
-        let mut found = moved.or_else(|| self.with_moved(index, &[], expected, most));
+        let moved = if late.is_empty() { None } else { self.before(index, late, expected, most) };
+        let mut found = moved.or_else(|| self.with(index, expected.clone(), Course::ToGoal, most));
         // Later there is less traffic.
         for wait in WAITS.into_iter().filter(|_| again) {
             if found.is_none() {
                 self.wait = wait;
-                found = self.with_moved(index, &[], expected, most);
+                found = self.with(index, expected.clone(), Course::ToGoal, most);
             }
         }
         self.wait = 0;
@@ -188,20 +192,41 @@ impl Solver<'_> {
         led.iter().copied().filter(passes).collect()
     }
 
-    /// With a way of this one, as if these were not on theirs, and other ways of these around it.
+    /// With a way of this one to its goal before these pass it, and other ways of them around it; who finds none of a few
+    /// keeps its own.
+    fn before(
+        &mut self,
+        index: usize,
+        mut late: Vec<usize>,
+        expected: &Expected,
+        most: u32,
+    ) -> Option<Expected> {
+        for _ in 0..=MOST_KEEP {
+            match self.with_moved(index, &late, expected, most) {
+                Ok(found) => return Some(found),
+                Err(Failed(failed)) => late.retain(|&other| other != failed && failed != index),
+            }
+            if late.is_empty() {
+                break;
+            }
+        }
+        None
+    }
+
+    /// With a way of this one, as if these were not on theirs, and other ways of these around it; or who has none.
     fn with_moved(
         &mut self,
         index: usize,
         moved: &[usize],
         expected: &Expected,
         most: u32,
-    ) -> Option<Expected> {
+    ) -> Result<Expected, Failed> {
         let mut expected = expected.clone();
         moved.iter().for_each(|&other| expected.leave(other, &self.job.members[other]));
         let others = moved.iter().map(|&other| (other, most.min(EXPANSIONS_QUICK)));
-        std::iter::once((index, most))
-            .chain(others)
-            .try_fold(expected, |expected, (index, most)| self.with(index, expected, Course::ToGoal, most))
+        std::iter::once((index, most)).chain(others).try_fold(expected, |expected, (index, most)| {
+            self.with(index, expected, Course::ToGoal, most).ok_or(Failed(index))
+        })
     }
 
     /// With a way of this one around all others, if there is one.
@@ -298,6 +323,34 @@ mod tests {
             assert!(!both || !passes(&result.plans[1].way));
             assert_eq!(result.order.contains_key(&(1, 2)), !both);
         }
+    }
+
+    #[test]
+    fn of_those_that_would_pass_later_one_that_finds_no_other_way_keeps_its_own() {
+        let ways = [
+            ([2.0, 4.0, EAST], [6.0, 4.0, EAST]),
+            ([6.0, 18.0, SOUTH], [6.0, 1.0, SOUTH]),
+            // Its goal is in the wall: nothing would be found for it.
+            ([9.5, 18.0, SOUTH], [9.5, -1.0, SOUTH]),
+        ];
+        let mut job = job(GridRoom::with(12.0, 20.0, &[]), &ways, 0);
+        for member in &mut job.members[1..] {
+            let mut path = member.way.path.clone();
+            path.push(Piece { length_m: 17.0, curvature_per_m: 0.0 });
+            member.way = Arc::new(DiscretizedPath::new(path, &member.car));
+            member.wanting = false;
+        }
+        let mut always = || true;
+        let mut solver = Solver::new(&job, &mut always);
+        let expected = solver.expected(&[], &[1, 2], &BTreeSet::from([0])).unwrap();
+        let failed = solver.with_moved(0, &[1, 2], &expected, EXPANSIONS_QUICK).err().unwrap();
+        assert_eq!(failed.0, 2);
+        let found = solver.before(0, vec![1, 2], &expected, EXPANSIONS_QUICK).unwrap();
+        assert_eq!(found.ways.keys().copied().collect::<Vec<_>>(), [0, 1]);
+        // Who finds no way itself is not looked for again.
+        let left = solver.left;
+        assert!(solver.before(2, vec![0, 1], &expected, EXPANSIONS_QUICK).is_none());
+        assert_eq!(solver.left, left);
     }
 
     #[test]
