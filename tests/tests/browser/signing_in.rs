@@ -2,7 +2,6 @@
 //! what a viewer's page looks like.
 
 use super::driver::{self, Browser};
-use super::hand;
 use super::{beside_another, press};
 use fantoccini::Locator;
 use fantoccini::key::Key;
@@ -135,9 +134,23 @@ async fn an_operator_signs_in_drives_and_stops_and_is_thrown_out_when_revoked() 
     screen(&browser, "who").await;
     browser.click("#who summary").await;
 
-    hand::drive(&secured.fleet, &browser).await;
+    browser.click("[data-robot=xtb-1]").await;
+    browser.click("#drive-begin").await;
+    browser.until("the stick", "return !document.getElementById('drive').hidden").await;
     let lease = secured.fleet.until(1, "a lease", |state| state.lease.is_some()).await.lease.unwrap();
     assert!(lease.holder.as_str().starts_with("web-alice-"), "{}", lease.holder);
+    eventually("it drives", || async {
+        // A page that was held up lets go by itself: then the key has to be pressed again.
+        if browser.ask("return document.querySelector('#stick.held') === null;").await == true {
+            browser.page.release_actions().await.unwrap();
+            let down = fantoccini::actions::KeyAction::Down { value: 'w' };
+            let keyboard = fantoccini::actions::KeyActions::new("keyboard".into());
+            let hold = fantoccini::actions::InputSource::then(keyboard, down);
+            browser.page.perform_actions(hold).await.unwrap();
+        }
+        (secured.fleet.truth(1).speed_mps > 0.1).then_some(())
+    })
+    .await;
     press(&browser, &[char::from(Key::Shift), ' ']).await;
     let state = secured.fleet.until(1, "latched", |state| !state.latches.is_empty()).await;
     assert!(state.latches[0].by.as_str().starts_with("web-alice-"), "{:?}", state.latches);

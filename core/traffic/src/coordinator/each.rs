@@ -192,8 +192,8 @@ impl Solver<'_> {
         led.iter().copied().filter(passes).collect()
     }
 
-    /// With a way of this one to its goal before these pass it, and other ways of them around it; who finds none of a few
-    /// keeps its own.
+    /// With a way of this one to its goal before these pass it, and other ways of them around it; up to [`MOST_KEEP`] that
+    /// find none keep their own, and this one goes around them.
     fn before(
         &mut self,
         index: usize,
