@@ -42,7 +42,7 @@ use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_protocol::keys::{FleetKeys, RobotKeys};
 use xtb_protocol::messages::{
-    Body, Done, Event, EventKind, GoalStatus, LinkLoss, Outcome, RobotState, TruthRobot, Via,
+    Body, Done, ErrorBody, Event, EventKind, GoalStatus, LinkLoss, Outcome, RobotState, TruthRobot, Via,
 };
 use xtb_protocol::{Name, Uuid};
 use xtb_sim::World;
@@ -105,6 +105,9 @@ pub fn agent_config(endpoint: &str, fleet: &str) -> AgentConfig {
 /// How a goal ends because its computer is too busy: the words of the reason.
 const HELD_UP: [&str; 5] =
     ["control loop stalled", "board_silent", "gyro_silent", "board_not_set_up", "encoder_silent"];
+
+/// What then stays latched.
+const HELD_UP_LATCHES: [&str; 2] = ["board_lost", "gyro_lost"];
 
 /// How a test's fleet differs from three robots in an empty room at eight times real time.
 #[derive(Debug, Clone)]
@@ -240,7 +243,14 @@ impl Fleet {
             on_link_loss: LinkLoss::Finish,
             finish_s: 300.0,
         };
-        match self.ask(number, body).await {
+        let mut outcome = self.ask(number, body.clone()).await;
+        // A busy computer can have held up a line before.
+        let held_up = |error: &ErrorBody| HELD_UP_LATCHES.iter().any(|latch| error.message.contains(latch));
+        if matches!(&outcome, Outcome::Error(error) if held_up(error)) {
+            self.ask(number, Body::Reset { latch: None }).await;
+            outcome = self.ask(number, body).await;
+        }
+        match outcome {
             Outcome::Ok(Done { goal: Some(goal), .. }) => goal,
             other => panic!("the goal was not accepted: {other:?}"),
         }
