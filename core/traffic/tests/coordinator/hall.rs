@@ -112,6 +112,7 @@ impl Hall {
     /// A robot, the one for which it waits, the one for which that one waits …
     fn chain(&self, index: usize) -> String {
         let toys = &self.world.toys;
+        let led = self.world.coordinator.as_ref().map_or_else(Vec::new, |coordinator| coordinator.names().0);
         let (mut line, mut next) = (String::new(), Some(index));
         for _ in 0..MOST_LINKS {
             let Some(toy) = next.map(|index| &toys[index]) else { break };
@@ -121,11 +122,15 @@ impl Hall {
                 (_, None) => "no path".to_owned(),
                 (_, Some(guide)) => {
                     let all_m = guide.path.as_ref().map_or(0.0, xtb_nav::Path::length_m);
-                    format!("{:.1} of {all_m:.1} m released", guide.release_m)
+                    let (done_m, release_m) = (toy.done_m, guide.release_m);
+                    format!("{done_m:.2} m driven, {release_m:.2} of {all_m:.2} m released")
                 }
             };
             let reason = says.and_then(|guide| guide.reason.as_deref()).unwrap_or("no reason told");
-            line.push_str(&format!(" > {} ({state}, {reason})", toy.name));
+            let MapPose { x_m, y_m, yaw_rad } = toy.pose;
+            let at = format!("at {x_m:.2} {y_m:.2}, {:.0}°", yaw_rad.to_degrees());
+            let led = if led.contains(&toy.name) { "led" } else { "not led" };
+            line.push_str(&format!(" > {} {at} ({led}, {state}, {reason})", toy.name));
             let waits_for = says.and_then(|guide| guide.waits_for.as_deref());
             next = waits_for.and_then(|name| toys.iter().position(|toy| toy.name == name));
         }

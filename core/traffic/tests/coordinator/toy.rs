@@ -77,7 +77,8 @@ pub(crate) struct Toy {
     pub(crate) says: Option<Guide>,
     pub(crate) arrived: u32,
     speed_mps: f64,
-    done_m: f64,
+    /// So far on its path.
+    pub(crate) done_m: f64,
     /// It drives so far to the left of its path.
     beside_m: f64,
     /// It stops so far before its release's end.
