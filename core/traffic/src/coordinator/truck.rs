@@ -35,7 +35,7 @@ const STOPPING_M: f64 = 0.1;
 /// times what an XTB does at full throttle. A false report would keep others standing as far away as it pretends to need.
 const FASTEST_MPS: f64 = 10.0;
 
-/// After so many ms, doubled each time up to 2 s, the next way is looked for among many trucks; chosen, not
+/// After so many ms, doubled each time up to 8 s, the next way is looked for among many trucks; chosen, not
 /// measured.
 const MISSED_MS: u64 = 500;
 
@@ -199,7 +199,7 @@ impl Truck {
     /// Whether it waits for its next try among many.
     pub(super) fn backs_off(&self, now: Stamp) -> bool {
         self.misses > 0
-            && self.tried.is_some_and(|tried| now.since_ms(tried) < MISSED_MS << self.misses.min(2))
+            && self.tried.is_some_and(|tried| now.since_ms(tried) < MISSED_MS << self.misses.min(4))
     }
 
     pub(super) fn is_live(&self) -> bool {
