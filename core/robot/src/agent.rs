@@ -269,7 +269,7 @@ impl Agent {
         }
         self.arbitrate(now);
         let command = self.pending.take().or_else(|| self.navigate(now, view));
-        let command = command.or_else(|| self.mind_others(now, view));
+        let command = command.or_else(|| self.guard_wander(now, view));
         if let (Some(Command::Goto(_) | Command::Wander | Command::Follow { .. }), Some(goal)) =
             (command, &mut self.goal)
             && goal.status == GoalStatus::Accepted

@@ -1,11 +1,11 @@
 //! Traffic control's paths: what it last said, and when to go by it.
 
+use super::Navigator;
 use super::following::Following;
 use super::right_of_way::HEARD_MS;
 use super::task::{Stage, Task};
 use super::turn::Sensed;
 use super::visibility::BODY_STEP_M;
-use super::{MARGIN_M, Navigator};
 use crate::MapPose;
 use crate::geometry::{Car, Path, Rect, distance_m};
 use crate::path_follower::PathFollower;
@@ -135,10 +135,11 @@ impl Navigator {
         others.iter().map(|(pose, car)| Rect::body(car, pose)).collect()
     }
 
-    /// Whether its body has room at a pose, with the margin of paths, as far as the map says; without a map it has.
+    /// Whether its body has room at a pose, with so much more on each side, in m, as far as the map says; without a map
+    /// it has.
     #[must_use]
-    pub fn has_room(&self, pose: &MapPose) -> bool {
-        let body = self.car.grown(MARGIN_M);
+    pub fn has_room(&self, pose: &MapPose, margin_m: f64) -> bool {
+        let body = self.car.grown(margin_m);
         self.map.as_ref().is_none_or(|map| map.hit_by(&body, pose).is_none())
     }
 

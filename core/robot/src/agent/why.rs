@@ -17,7 +17,7 @@ impl Agent {
         reasons.extend(self.faults.present().filter_map(stops));
         reasons.extend(of_mode(self.idle_because, view));
         reasons.extend(self.stands_on_its_path());
-        reasons.extend(self.stands_for_others());
+        reasons.extend(self.wander_stop_reason());
         if view.over_speed {
             reasons.push(StopReason::OverSpeed);
         }
