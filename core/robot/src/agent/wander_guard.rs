@@ -161,9 +161,6 @@ impl<'a> Near<'a> {
 
     /// The least gap to any of the others at a pose, in m.
     fn gap_m(&self, pose: &MapPose) -> f64 {
-        if self.others.is_empty() {
-            return f64::MAX;
-        }
         let body = Rect::body(self.nav.car(), pose);
         self.others.iter().map(|other| body.gap_m(other)).fold(f64::MAX, f64::min)
     }
@@ -189,6 +186,9 @@ impl<'a> Near<'a> {
 
     /// What it comes too near to on the way.
     fn stop_reason(&self, gear: f64, steering: f64, way_m: f64) -> Option<StopReason> {
+        if self.others.is_empty() && self.wall_m.is_none() {
+            return None;
+        }
         self.along(gear, steering, way_m).find_map(|pose| {
             if self.gap_m(&pose) < self.apart_m {
                 return Some(StopReason::GivingWay);
