@@ -201,7 +201,8 @@ impl<'a> Near<'a> {
     /// Gear and steering that lead to where the others are farthest and most floor ahead is free.
     fn way_out(self, is_open: impl Fn(f64) -> bool) -> Option<(f64, f64)> {
         let near = self.away(AWAY_M);
-        let gears = [-1.0, 1.0].into_iter().filter(|gear| is_open(*gear));
+        let gears =
+            [-1.0, 1.0].into_iter().filter(|gear| is_open(*gear) && near.nav.car().gears.allow(*gear));
         let ways = gears.flat_map(|gear| [-1.0, 0.0, 1.0].map(|steering| (gear, steering)));
         let clear = ways.filter(|&(gear, steering)| near.stop_reason(gear, steering, BACK_M).is_none());
         let free_m = |&(gear, steering): &(f64, f64)| {
