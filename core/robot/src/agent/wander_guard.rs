@@ -17,7 +17,6 @@ use crate::authority::arbitration::MotorWriter;
 use crate::authority::goal::Target;
 use xtb_control::{Command, Stamp, Steering, WheelRpm};
 use xtb_nav::geometry::rect::Rect;
-use xtb_nav::localization::Estimate;
 use xtb_nav::navigator::{MARGIN_M, Navigator};
 use xtb_nav::{MapPose, Piece};
 use xtb_protocol::messages::StopReason;
@@ -29,7 +28,7 @@ const APART_M: f64 = 0.12;
 const WALL_M: [f64; 3] = [MARGIN_M, MARGIN_M / 2.0, 0.0];
 /// Away from a wall it drives with as much, in m: a corner may swing out a little.
 const AWAY_M: f64 = WALL_M[1];
-/// A pose that is less certain than this, in m, says nothing of walls; chosen, not measured.
+/// A pose that is less certain than this, in m, stops nobody who wanders before a wall; chosen, not measured.
 const KNOWN_M: f64 = 0.1;
 /// Free floor ahead counts up to here when it looks for a way out, in m, in steps of [`AHEAD_M`].
 const OPEN_M: f64 = 2.0;
@@ -77,7 +76,8 @@ impl Agent {
             return None;
         }
         self.wander_looked = now;
-        let near = Near::of(&self.nav, &self.filter.estimate(now), now);
+        let estimate = self.filter.estimate(now);
+        let near = Near::of(&self.nav, estimate.pose, now);
         let outputs = view.outputs;
         let seen = outputs.obstacle;
         let way_m = AHEAD_M + STOPS_S * (outputs.rpm * self.mps_per_rpm).abs();
@@ -86,6 +86,7 @@ impl Agent {
                 if outputs.reference_rpm == 0.0 {
                     return None;
                 }
+                let near = if estimate.sigma_m < KNOWN_M { near } else { Near { wall_m: None, ..near } };
                 let because = near.stop_reason(outputs.reference_rpm.signum(), outputs.steering, way_m)?;
                 self.wander_guard = WanderGuard::Standing { since: now, because };
                 Some(STAND)
@@ -144,10 +145,9 @@ struct Near<'a> {
 }
 
 impl<'a> Near<'a> {
-    fn of(nav: &'a Navigator, estimate: &Estimate, now: Stamp) -> Self {
-        let pose = estimate.pose;
-        let is_known = estimate.sigma_m < KNOWN_M && nav.map().is_some();
-        let wall_m = WALL_M.into_iter().find(|margin_m| is_known && nav.has_room(&pose, *margin_m));
+    fn of(nav: &'a Navigator, pose: MapPose, now: Stamp) -> Self {
+        let has_map = nav.map().is_some();
+        let wall_m = WALL_M.into_iter().find(|margin_m| has_map && nav.has_room(&pose, *margin_m));
         let mut near = Self { nav, pose, others: nav.told_bodies(now), apart_m: APART_M, wall_m };
         near.apart_m = APART_M.min(near.gap_m(&pose) - NEARER_M);
         near
