@@ -7,11 +7,11 @@
 #![allow(clippy::print_stdout)]
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
-use xtb_chaos::{DayReport, ScenarioOptions};
+use xtb_chaos::{DayReport, ScenarioError, ScenarioOptions};
 use xtb_robot::{Guard, Guards};
 
 /// Violations printed in full.
@@ -35,7 +35,7 @@ fn main() -> ExitCode {
             broken.push(report);
         }
     });
-    each_on_all_cores(first..first + count, |seed| match xtb_chaos::run(seed, ScenarioOptions::default()) {
+    on_all_cores(first..first + count, ScenarioOptions::default(), |seed, day| match day {
         Ok(report) => all.lock().unwrap_or_else(PoisonError::into_inner)(report),
         Err(error) => println!("seed {seed}: {error}"),
     });
@@ -66,10 +66,8 @@ fn guards(count: u64) -> ExitCode {
     println!("| rule switched off | first seed | of {count} | invariant |\n| --- | ---: | ---: | --- |");
     for guard in Guard::ALL {
         let found = Mutex::new(BTreeMap::new());
-        each_on_all_cores(0..count, |seed| {
-            if let Ok(DayReport { violation: Some(violation), .. }) =
-                xtb_chaos::run(seed, ScenarioOptions { guards: Guards::without(guard) })
-            {
+        on_all_cores(0..count, ScenarioOptions { guards: Guards::without(guard) }, |seed, day| {
+            if let Ok(DayReport { violation: Some(violation), .. }) = day {
                 found.lock().unwrap_or_else(PoisonError::into_inner).insert(seed, violation.invariant);
             }
         });
@@ -83,20 +81,18 @@ fn guards(count: u64) -> ExitCode {
     if unseen == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-fn each_on_all_cores(seeds: std::ops::Range<u64>, day: impl Fn(u64) + Sync) {
-    let next = AtomicU64::new(seeds.start);
+/// The days of these seeds; `ended` hears of each, on any thread.
+fn on_all_cores(
+    seeds: Range<u64>,
+    options: ScenarioOptions,
+    ended: impl Fn(u64, Result<DayReport, ScenarioError>) + Sync,
+) {
+    let seeds = Mutex::new(seeds);
+    let next = || seeds.lock().unwrap_or_else(PoisonError::into_inner).next();
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
     std::thread::scope(|scope| {
         for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let seed = next.fetch_add(1, Ordering::Relaxed);
-                    if seed >= seeds.end {
-                        return;
-                    }
-                    day(seed);
-                }
-            });
+            scope.spawn(|| xtb_chaos::run_all(std::iter::from_fn(next), options, &ended));
         }
     });
 }

@@ -9,6 +9,7 @@ use std::collections::VecDeque;
 use xtb_control::VehicleConfig;
 use xtb_control::frames::MapPose;
 use xtb_control::units::Stamp;
+use xtb_protocol::board::Frame;
 use xtb_protocol::messages::{
     Body, EventKind, Latch, Lease, RejectCode, Rejected, Reply, Request, RobotState, Setpoint,
 };
@@ -105,6 +106,9 @@ pub(crate) struct Process {
     plugged: [bool; 2],
     mailbox: Mailbox,
     next_snapshot: Stamp,
+    /// Its time in the present turn, if it has one, and the frame for the board.
+    turn_at: Option<Stamp>,
+    frame: Option<Frame>,
     bytes: Vec<u8>,
 }
 
@@ -127,6 +131,8 @@ impl Process {
             plugged: [true; 2],
             mailbox: Mailbox::default(),
             next_snapshot: Stamp::ZERO,
+            turn_at: None,
+            frame: None,
             bytes: Vec::with_capacity(4096),
         }
     }
@@ -243,33 +249,40 @@ impl Process {
         true
     }
 
-    /// One turn, unless the process is dead or held up. True if it was taken.
-    pub(crate) fn turn(
-        &mut self,
-        now: Turn,
-        truck: &mut Truck,
-        link_up: bool,
-        names: &[Name],
-        told: &mut Vec<Told>,
-    ) -> bool {
-        let agent_now = self.clock(now);
-        let Some(robot) = &mut self.robot else { return false };
-        if now < self.held_until {
-            return false;
-        }
-        self.shown = agent_now;
-        read(robot, truck, agent_now, self.plugged, &mut self.bytes);
-        self.mailbox.take_orders(robot, agent_now, link_up, names, told);
-        write(robot, truck, agent_now, self.plugged);
-        if agent_now >= self.next_snapshot || robot.agent().has_events() {
-            self.next_snapshot = agent_now.plus_ms(SNAPSHOT_MS);
-            let state = robot.state(agent_now, self.mailbox.rejected);
+    /// A turn begins, unless the process is dead or held up: what the truck has sent. [`Process::turn`] and
+    /// [`Process::speak`] are its other parts.
+    pub(crate) fn listen(&mut self, now: Turn, truck: &mut Truck) {
+        let at = self.clock(now);
+        self.turn_at = (self.robot.is_some() && now >= self.held_until).then_some(at);
+        let Some((at, robot)) = self.turn_at.zip(self.robot.as_mut()) else { return };
+        self.shown = at;
+        listen(robot, truck, at, self.plugged, &mut self.bytes);
+    }
+
+    /// Whether it has the present turn.
+    pub(crate) fn has_turn(&self) -> bool {
+        self.turn_at.is_some()
+    }
+
+    /// What clients want, then the robot's turn.
+    pub(crate) fn turn(&mut self, link_up: bool, names: &[Name], told: &mut Vec<Told>) {
+        let Some((at, robot)) = self.turn_at.zip(self.robot.as_mut()) else { return };
+        self.mailbox.take_orders(robot, at, link_up, names, told);
+        self.frame = robot.turn(at);
+    }
+
+    /// What it sends to its truck, and tells the world.
+    pub(crate) fn speak(&mut self, truck: &mut Truck, told: &mut Vec<Told>) {
+        let Some((at, robot)) = self.turn_at.zip(self.robot.as_mut()) else { return };
+        speak(robot, truck, at, self.plugged, self.frame.take());
+        if at >= self.next_snapshot || robot.agent().has_events() {
+            self.next_snapshot = at.plus_ms(SNAPSHOT_MS);
+            let state = robot.state(at, self.mailbox.rejected);
             told.push(Told::State(Box::new(state)));
         }
         while let Some(event) = robot.agent_mut().next_event() {
             told.push(Told::Event(event.kind));
         }
-        true
     }
 }
 
@@ -304,7 +317,7 @@ impl Mailbox {
 
 const UNPLUGGED: (PortTrouble, &str) = (PortTrouble::Unplugged, "no such device");
 
-fn read(robot: &mut Robot, truck: &mut Truck, now: Stamp, plugged: [bool; 2], bytes: &mut Vec<u8>) {
+fn listen(robot: &mut Robot, truck: &mut Truck, now: Stamp, plugged: [bool; 2], bytes: &mut Vec<u8>) {
     bytes.clear();
     truck.take_board_tx(bytes);
     robot.board_port(now, (!plugged[0]).then_some(UNPLUGGED));
@@ -319,8 +332,8 @@ fn read(robot: &mut Robot, truck: &mut Truck, now: Stamp, plugged: [bool; 2], by
     }
 }
 
-fn write(robot: &mut Robot, truck: &mut Truck, now: Stamp, plugged: [bool; 2]) {
-    if let Some(frame) = robot.turn(now)
+fn speak(robot: &mut Robot, truck: &mut Truck, now: Stamp, plugged: [bool; 2], frame: Option<Frame>) {
+    if let Some(frame) = frame
         && plugged[0]
     {
         truck.board_rx(frame.as_bytes());

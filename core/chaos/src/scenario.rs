@@ -31,6 +31,8 @@ pub(crate) struct Post {
     pub(crate) plugged: [bool; 2],
     pub(crate) sensors: SensorFaults,
     pub(crate) drive: DriveFault,
+    /// What the agent has said in the present turn.
+    told: Vec<Told>,
     driven: bool,
     contacts: u64,
     session: bool,
@@ -47,11 +49,10 @@ pub(crate) struct Scenario {
     pub(crate) network: Network,
     pub(crate) event_log: EventLog,
     counts: DayCounts,
-    told: Vec<Told>,
     outbox: Vec<Parcel>,
+    /// The robot that broke a rule, and which one.
+    broken: Option<(u8, Broken)>,
 }
-
-pub(crate) type Found = (u8, Broken);
 
 impl Scenario {
     pub(crate) fn new(seed: u64, options: ScenarioOptions) -> Result<Self, ScenarioError> {
@@ -84,6 +85,7 @@ impl Scenario {
                 plugged: [true; 2],
                 sensors: SensorFaults::default(),
                 drive: DriveFault::default(),
+                told: Vec::new(),
                 driven: false,
                 contacts: 0,
                 session: true,
@@ -101,20 +103,69 @@ impl Scenario {
             network,
             event_log: EventLog::default(),
             counts: DayCounts::default(),
-            told: Vec::new(),
             outbox: Vec::new(),
+            broken: None,
         })
     }
 
-    /// The world moves on by 5 ms, then everybody has a turn.
-    pub(crate) fn turn(&mut self) -> Result<(), Found> {
+    /// Moves all of them on by 5 ms: one part of the turn for the robots of all scenarios, then the next part. The code
+    /// of a whole turn is larger than the processor's cache for it.
+    pub(crate) fn turn(scenarios: &mut [Self]) {
+        for part in [Self::move_on, Self::listen, Self::agents_turn, Self::speak, Self::judge] {
+            scenarios.iter_mut().for_each(part);
+        }
+    }
+
+    /// Whether its time is up, or a rule was broken.
+    pub(crate) fn is_over(&self) -> bool {
+        self.broken.is_some() || self.now >= self.plan.length
+    }
+
+    /// The world moves on, then what befalls the robots does, and what was sent to them arrives.
+    fn move_on(&mut self) {
         self.simulation.step();
         self.now += 1;
         self.network.advance(self.now);
         self.change();
-        self.deliver()?;
-        for i in 0..self.posts.len() {
-            self.robot_turn(i).map_err(|broken| (i as u8, broken))?;
+        self.deliver();
+    }
+
+    /// Every agent that runs gets what its truck has sent.
+    fn listen(&mut self) {
+        let Self { now, simulation, posts, network, event_log, counts, .. } = self;
+        for (robot, (post, truck)) in (0..).zip(posts.iter_mut().zip(simulation.trucks_mut())) {
+            if post.process.boot(*now, truck) {
+                post.oracle.booted();
+                counts.boots += 1;
+                event_log.note(*now, Some(robot), Happened::Agent(true));
+            }
+            let up = network.is_up(End::Robot(robot));
+            if up != std::mem::replace(&mut post.session, up) {
+                event_log.note(*now, Some(robot), Happened::Session(up));
+            }
+            post.process.listen(*now, truck);
+        }
+    }
+
+    fn agents_turn(&mut self) {
+        for post in &mut self.posts {
+            post.process.turn(post.session, &self.names, &mut post.told);
+        }
+    }
+
+    fn speak(&mut self) {
+        for (post, truck) in self.posts.iter_mut().zip(self.simulation.trucks_mut()) {
+            post.process.speak(truck, &mut post.told);
+        }
+    }
+
+    /// The oracles look at what was said and done, then the people have their turn.
+    fn judge(&mut self) {
+        for robot in 0..self.posts.len() {
+            if let Err(broken) = self.judge_robot(robot) {
+                self.broken = Some((robot as u8, broken));
+                return;
+            }
         }
         for person in &mut self.people {
             person.turn(self.now, self.plan.robots, &mut self.outbox);
@@ -122,7 +173,6 @@ impl Scenario {
         for parcel in self.outbox.drain(..) {
             self.network.send(parcel);
         }
-        Ok(())
     }
 
     fn change(&mut self) {
@@ -136,7 +186,7 @@ impl Scenario {
     }
 
     /// What arrived at this turn.
-    fn deliver(&mut self) -> Result<(), Found> {
+    fn deliver(&mut self) {
         let mut arrived = self.network.take_arrived();
         for parcel in arrived.drain(..) {
             let Parcel { by, robot, message } = parcel;
@@ -148,7 +198,6 @@ impl Scenario {
             }
         }
         self.network.give_back(arrived);
-        Ok(())
     }
 
     fn arrived(&mut self, by: Sender, robot: u8, message: Message) {
@@ -204,25 +253,15 @@ impl Scenario {
         }
     }
 
-    fn robot_turn(&mut self, i: usize) -> Result<(), Broken> {
+    fn judge_robot(&mut self, i: usize) -> Result<(), Broken> {
         let (now, robot) = (self.now, i as u8);
-        let Self { simulation, posts, network, event_log, told, names, .. } = self;
-        let (post, truck) = (&mut posts[i], &mut simulation.trucks_mut()[i]);
-        if post.process.boot(now, truck) {
-            post.oracle.booted();
-            self.counts.boots += 1;
-            event_log.note(now, Some(robot), Happened::Agent(true));
-        }
-        let up = network.is_up(End::Robot(robot));
-        if up != std::mem::replace(&mut post.session, up) {
-            event_log.note(now, Some(robot), Happened::Session(up));
-        }
-        let turned = post.process.turn(now, truck, up, names, told);
-        let motor = truck.truth().motor_counts;
-        let mut told = std::mem::take(told);
+        let mut told = std::mem::take(&mut self.posts[i].told);
         let heard = told.drain(..).try_for_each(|told| self.hear(robot, told));
-        self.told = told;
+        self.posts[i].told = told;
         heard?;
+        let truck = &self.simulation.trucks()[i];
+        let (battery_v, truck) = (truck.battery_v(), truck.truth());
+        let motor = truck.motor_counts;
         let post = &mut self.posts[i];
         let driven = motor != xtb_control::PwmCount::NEUTRAL.get();
         if driven != std::mem::replace(&mut post.driven, driven) {
@@ -230,8 +269,6 @@ impl Scenario {
         }
         self.counts.driven += u64::from(driven);
         self.event_log.hash.add(u64::from(motor));
-        let truck = &self.simulation.trucks()[i];
-        let (battery_v, truck) = (truck.battery_v(), truck.truth());
         let truth = Truth {
             transmitter: post.transmitter,
             board_line: post.lines.board,
@@ -242,7 +279,7 @@ impl Scenario {
             battery_v,
             speed_mps: truck.speed_mps,
             motor,
-            turned,
+            turned: post.process.has_turn(),
         };
         post.oracle.turn(now, &truth)?;
         let motion = self.motion(i, &truck);
@@ -325,9 +362,9 @@ impl Scenario {
         Ok(())
     }
 
-    pub(crate) fn report(self, seed: u64, broken: Option<Found>) -> DayReport {
+    pub(crate) fn report(self, seed: u64) -> DayReport {
         let at_ms = u64::from(self.now) * MS_PER_TURN;
-        let violation = broken.map(|(robot, (invariant, detail))| Violation {
+        let violation = self.broken.map(|(robot, (invariant, detail))| Violation {
             invariant,
             robot: format!("xtb-{}", robot + 1),
             at_ms,

@@ -182,25 +182,34 @@ impl RangeFinders {
             return;
         }
         self.looked.come(body);
-        let sensors = self.sensors.iter_mut().zip(&mut self.looked.seen);
-        for ((sensor, seen), next_ns) in sensors.zip(&mut self.next_ns) {
-            if *next_ns <= now_ns {
-                let Some(sensor) = sensor else {
-                    *next_ns = u64::MAX;
-                    continue;
-                };
-                *next_ns += sensor.period_ns;
-                let stretch = stretch[usize::from(sensor.is_rear)];
-                let known = seen.filter(|(with, _)| *with == stretch && context.is_alone(me));
-                let seen_v = known.map_or_else(
-                    || sensor.seen_v(&self.truth, context, me, body, stretch),
-                    |(_, seen_v)| seen_v,
-                );
-                *seen = context.is_alone(me).then_some((stretch, seen_v));
-                sensor.measure(&self.truth, seen_v, noise);
+        self.due_ns = u64::MAX;
+        for i in 0..SENSORS {
+            if self.next_ns[i] <= now_ns {
+                self.next_ns[i] = self.look(i, context, me, body, stretch, noise);
             }
+            self.due_ns = self.due_ns.min(self.next_ns[i]);
         }
-        self.due_ns = self.next_ns.into_iter().fold(u64::MAX, u64::min);
+    }
+
+    /// One of them measures: when it does so again.
+    fn look(
+        &mut self,
+        i: usize,
+        context: &StepContext<'_>,
+        me: usize,
+        body: &OrientedBox,
+        stretch: [f64; 2],
+        noise: &mut Rng,
+    ) -> u64 {
+        let Some(sensor) = &mut self.sensors[i] else { return u64::MAX };
+        let stretch = stretch[usize::from(sensor.is_rear)];
+        let seen = &mut self.looked.seen[i];
+        let known = seen.filter(|(with, _)| *with == stretch && context.is_alone(me));
+        let seen_v = known
+            .map_or_else(|| sensor.seen_v(&self.truth, context, me, body, stretch), |(_, seen_v)| seen_v);
+        *seen = context.is_alone(me).then_some((stretch, seen_v));
+        sensor.measure(&self.truth, seen_v, noise);
+        self.next_ns[i] + sensor.period_ns
     }
 
     /// The world has changed: what was seen of it may be gone.

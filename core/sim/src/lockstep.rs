@@ -29,6 +29,7 @@ use xtb_nav::navigator::PreparedMap;
 use xtb_nav::navigator::near::Surroundings;
 use xtb_nav::navigator::right_of_way::Neighbour;
 use xtb_nav::planner::Planner;
+use xtb_protocol::board::Frame;
 use xtb_protocol::keys::{FloorCell, NameError};
 use xtb_protocol::messages::{Body, Outcome, Rejected, Reply, Request, RobotState, TruthRobot};
 use xtb_protocol::{Name, Uuid};
@@ -322,13 +323,24 @@ impl Lockstep {
 /// One turn of a robot on its truck: what the truck has sent, the robot's turn, what it sends. `bytes`
 /// is scratch space.
 pub fn turn(truck: &mut Truck, robot: &mut Robot, now: Stamp, bytes: &mut Vec<u8>) {
+    listen(truck, robot, now, bytes);
+    let frame = robot.turn(now);
+    speak(truck, robot, now, frame);
+}
+
+/// What the truck has sent.
+fn listen(truck: &mut Truck, robot: &mut Robot, now: Stamp, bytes: &mut Vec<u8>) {
     bytes.clear();
     truck.take_board_tx(bytes);
     robot.board_bytes(now, bytes);
     bytes.clear();
     truck.take_gyro_tx(bytes);
     robot.gyro_bytes(now, bytes);
-    if let Some(frame) = robot.turn(now) {
+}
+
+/// The frame of the robot's turn, and what else it sends.
+fn speak(truck: &mut Truck, robot: &mut Robot, now: Stamp, frame: Option<Frame>) {
+    if let Some(frame) = frame {
         truck.board_rx(frame.as_bytes());
     }
     while let Some(frame) = robot.board_request(now) {

@@ -72,6 +72,10 @@ fn a_stick_that_is_pushed_after_a_stalled_loop_does_not_drive() {
 fn a_seed_is_one_history_whatever_else_runs() {
     let alone: Vec<DayReport> = (0..8).map(day).collect();
     assert_eq!(in_parallel(0..8, day), alone);
+    let mut side_by_side = Vec::new();
+    xtb_chaos::run_all(0..8, ScenarioOptions::default(), |_, day| side_by_side.push(day.unwrap()));
+    side_by_side.sort_by_key(|report| report.seed);
+    assert_eq!(side_by_side, alone);
     let mut hashes: Vec<u64> = alone.iter().map(|report| report.hash).collect();
     hashes.sort_unstable();
     hashes.dedup();
