@@ -44,8 +44,8 @@ impl Solver<'_> {
         let mut expected = self.expected(&[], &led, &standing)?;
         let slow: Vec<usize> = self.job.indices(|member| member.slow).collect();
         // Those with ways first, or others take each gap before them; with no more than their share of the nodes.
-        let kept = self.left / (slow.len() + wanting.len()).max(1) as u32 * wanting.len() as u32;
-        self.left -= kept;
+        let for_wanting = self.left / (slow.len() + wanting.len()).max(1) as u32 * wanting.len() as u32;
+        self.left -= for_wanting;
         let mut steps = Vec::new();
         // What costs least for all of them first.
         for &index in &slow {
@@ -56,7 +56,7 @@ impl Solver<'_> {
             expected = self.sooner(index, &led, expected);
             steps.push((index, expected.clone()));
         }
-        self.left += kept;
+        self.left += for_wanting;
         let mut open = wanting.to_vec();
         loop {
             let (mut waiting, mut found_one) = (Vec::new(), false);
@@ -102,7 +102,7 @@ impl Solver<'_> {
     }
 
     /// One that has stood on its way for long is led to its goal clearly sooner, if that can be, at other times on its way
-    /// or on another one. Its goal is kept free: who would pass that later goes around, if it can.
+    /// or on another one. Its goal is reserved: who would pass that later goes around, if it can.
     fn sooner(&mut self, index: usize, led: &[usize], mut expected: Expected) -> Expected {
         let job = self.job;
         let goal = job.reserved.iter().position(|reserved| reserved.id == job.members[index].id);
@@ -313,11 +313,11 @@ mod tests {
         let passes = |way: &DiscretizedPath| way.stands.iter().any(|stand| stand.touches(&goal, 0.0));
         assert!(passes(&job.members[1].way));
         assert_eq!(solved(job.clone()).counts(), (0, 0));
-        job.reserved = vec![Reserved { id: 1, kept_ms: 20_000, stand: goal }];
-        job.members[0].kept_ms = 20_000;
+        job.reserved = vec![Reserved { id: 1, delayed_ms: 20_000, stand: goal }];
+        job.members[0].delayed_ms = 20_000;
         // Who has waited longer itself keeps its way.
-        for (kept_ms, both) in [(10_000, true), (30_000, false)] {
-            job.members[1].kept_ms = kept_ms;
+        for (delayed_ms, both) in [(10_000, true), (30_000, false)] {
+            job.members[1].delayed_ms = delayed_ms;
             let result = solved(job.clone());
             assert_eq!(result.counts(), (2 * usize::from(both), 0));
             assert!(!both || !passes(&result.plans[1].way));
@@ -386,10 +386,11 @@ mod tests {
         let across = ([1.0, 4.0, 0.0], [11.0, 4.0, 0.0]);
         let there = ([6.0, 1.0, 0.0], [6.0, 4.0, 0.0]);
         let away = ([6.1, 4.1, 0.0], [11.0, 7.0, 0.0]);
-        let passes = |way: ([f64; 3], [f64; 3]), reserved: &[u32], kept_ms: u64| {
+        let passes = |way: ([f64; 3], [f64; 3]), reserved: &[u32], delayed_ms: u64| {
             let mut job = job(GridRoom::with(12.0, 8.0, &[]), &[way], 0);
-            job.reserved = reserved.iter().map(|&id| Reserved { id, kept_ms: 20_000, stand: goal }).collect();
-            job.members[0].kept_ms = kept_ms;
+            job.reserved =
+                reserved.iter().map(|&id| Reserved { id, delayed_ms: 20_000, stand: goal }).collect();
+            job.members[0].delayed_ms = delayed_ms;
             let result = solved(job);
             assert_eq!(result.counts(), (1, 0));
             result.plans[0].way.stands.iter().any(|stand| stand.touches(&goal, 0.0))

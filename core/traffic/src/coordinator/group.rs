@@ -186,7 +186,7 @@ pub(super) mod tests {
             fixed: false,
             slow: false,
             waited_ms: 0,
-            kept_ms: 0,
+            delayed_ms: 0,
             misses: 0,
             target: Target { x_m: to[0], y_m: to[1], yaw_rad: Some(to[2]) },
         };

@@ -32,8 +32,8 @@ pub(super) struct Member {
     pub(super) slow: bool,
     /// For so long it has had a goal and has not been led to it, in ms.
     pub(super) waited_ms: u64,
-    /// For so long it has been kept waiting, in ms; the time in which it drove does not count.
-    pub(super) kept_ms: u64,
+    /// For so long it has been delayed, in ms; the time in which it drove does not count.
+    pub(super) delayed_ms: u64,
     /// So often in a row no way was found among many.
     pub(super) misses: u32,
     pub(super) target: Target,
@@ -74,7 +74,7 @@ impl Block {
 pub(super) struct Reserved {
     pub(super) id: u32,
     /// As in [`Member`].
-    pub(super) kept_ms: u64,
+    pub(super) delayed_ms: u64,
     pub(super) stand: Stand,
 }
 
@@ -113,7 +113,7 @@ impl JointJob {
     /// have waited less, nor one on which it stands.
     pub(super) fn reserved_for<'a>(&'a self, member: &'a Member) -> impl Iterator<Item = usize> {
         let is_before = |reserved: &Reserved| {
-            (Reverse(reserved.kept_ms), reserved.id) < (Reverse(member.kept_ms), member.id)
+            (Reverse(reserved.delayed_ms), reserved.id) < (Reverse(member.delayed_ms), member.id)
         };
         let stands_there =
             |reserved: &Reserved| member.held_stands().iter().any(|held| held.touches(&reserved.stand, 0.0));

@@ -53,7 +53,7 @@ const SLOW_MS: u64 = 15_000;
 /// … but not more often than this, in ms, and at most so many at once; all chosen, not measured.
 const SLOW_AGAIN_MS: u64 = 10_000;
 const MOST_SLOW: usize = 8;
-/// Who has been kept waiting for so long among many, in ms, is kept its goal free …
+/// Who has been delayed for so long among many, in ms, has its goal reserved …
 const RESERVED_MS: u64 = 15_000;
 /// … for so many at most; both chosen, not measured.
 const MOST_RESERVED: usize = 12;
@@ -119,9 +119,9 @@ impl Coordinator {
             wanted.retain(|&index| truck(index).misses < ALONE_TRIES);
             wanted.truncate(MOST_AT_ONCE);
             slow = self.slow(now, &members);
-            let is_kept = |&&index: &&usize| reserved.iter().any(|goal| goal.id == truck(index).id);
-            let kept = slow.iter().filter(is_kept);
-            let moved = kept.chain(&wanted).flat_map(|&index| self.passing(index, &members));
+            let has_reserved = |&&index: &&usize| reserved.iter().any(|goal| goal.id == truck(index).id);
+            let reserving = slow.iter().filter(has_reserved);
+            let moved = reserving.chain(&wanted).flat_map(|&index| self.passing(index, &members));
             let moved = moved.take(MOST_MOVED).collect();
             (wanted, moved, Look::Each)
         } else {
@@ -266,17 +266,17 @@ impl Coordinator {
                 .as_ref()
                 .is_some_and(|none| none.for_good || none.by.as_deref().is_some_and(stays));
             let is_missed = truck.is_live() || (truck.misses > 0 && !in_vain);
-            is_missed && truck.kept_ms(now) > RESERVED_MS && truck.can_be_led(now)
+            is_missed && truck.delayed_ms(now) > RESERVED_MS && truck.can_be_led(now)
         };
         let mut passed_over: Vec<&Truck> = self.trucks.iter().filter(is_passed_over).collect();
-        passed_over.sort_by_key(|truck| Reverse(truck.kept_ms(now)));
+        passed_over.sort_by_key(|truck| Reverse(truck.delayed_ms(now)));
         let reserved = |truck: &Truck| {
             let (_, goal) = truck.goal()?;
             let half_m = truck.car().reach_m();
             let any_heading = Car { front_m: half_m, rear_m: half_m, half_width_m: half_m, ..truck.car() };
             let pose = MapPose { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: 0.0 };
-            let (kept_ms, stand) = (truck.kept_ms(now), Stand::still(&any_heading, &pose));
-            Some(Reserved { id: truck.id, kept_ms, stand })
+            let (delayed_ms, stand) = (truck.delayed_ms(now), Stand::still(&any_heading, &pose));
+            Some(Reserved { id: truck.id, delayed_ms, stand })
         };
         passed_over.into_iter().take(MOST_RESERVED).filter_map(reserved).collect()
     }
@@ -309,7 +309,7 @@ impl Coordinator {
             fixed: false,
             slow: false,
             waited_ms: truck.waited_ms(now),
-            kept_ms: truck.kept_ms(now),
+            delayed_ms: truck.delayed_ms(now),
             misses: truck.misses,
             target: Target { x_m: goal.x_m, y_m: goal.y_m, yaw_rad: goal.yaw_rad },
         })
@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_passed_over_for_long_is_kept_its_goal_free_unless_somebody_stays_in_the_way() {
+    fn the_goal_of_who_is_passed_over_for_long_is_reserved_unless_somebody_stays_in_the_way() {
         let mut coordinator = Coordinator::new(Arc::new(GridRoom::with(34.0, 4.0, &[])), 1);
         let (early, late) = (Stamp::from_ms(1000), Stamp::from_ms(2000));
         for (name, x_m, at) in [("a", 2.0, late), ("b", 8.0, early), ("c", 14.0, early), ("d", 20.0, early)] {
@@ -423,6 +423,6 @@ mod tests {
             .collect();
         assert_eq!(coordinator.slow(now, &members), [1, 0]);
         let reserved = coordinator.reserved(now);
-        assert_eq!(reserved.iter().map(|goal| goal.kept_ms).collect::<Vec<_>>(), [60_000, 40_000, 20_000]);
+        assert_eq!(reserved.iter().map(|goal| goal.delayed_ms).collect::<Vec<_>>(), [60_000, 40_000, 20_000]);
     }
 }

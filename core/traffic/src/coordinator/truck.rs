@@ -168,8 +168,8 @@ impl Truck {
         now.since_ms(self.wants_since)
     }
 
-    /// For how long it has been kept waiting, in ms: who has a path waits only while it stands.
-    pub(super) fn kept_ms(&self, now: Stamp) -> u64 {
+    /// For how long it has been delayed, in ms: who has a path is so only while it stands.
+    pub(super) fn delayed_ms(&self, now: Stamp) -> u64 {
         if self.is_live() { self.stood_ms } else { self.waited_ms(now).max(self.stood_ms) }
     }
 
