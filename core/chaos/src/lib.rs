@@ -59,7 +59,7 @@ pub enum ScenarioError {
     Name(#[from] NameError),
 }
 
-/// So many scenarios go on side by side in [`run_all`]; with more of them their data leave the processor's cache.
+/// So many scenarios go on side by side in [`run_all`]; three, four and eight were not faster.
 const SIDE_BY_SIDE: usize = 2;
 
 /// Simulates the day of this seed.

@@ -1,7 +1,7 @@
-//! Some steps of a fleet in which nobody hears of anybody: some islands after the others, on any thread.
+//! Some steps of a fleet in which nobody hears of anybody: a few islands at a time, on any thread.
 //!
 //! Trucks that cannot come near each other within a window ([`crate::islands`]) need not wait for each other.
-//! A few islands go through all steps of the window while they are in a processor's cache.
+//! They go through all steps of the window while they are in a processor's cache.
 
 use crate::executor::Executor;
 use crate::fixes::FixMaker;
@@ -137,18 +137,10 @@ pub(super) fn run(window: Window<'_>, crews: &mut [Crew], steps: u64, executor: 
     let Window { scene, lists, mut boxes, mut touched, trucks, start } = window;
     if boxes.len() > trucks.len() {
         // Others are among them, which may be gone after a step.
-        let context = StepContext { scene, lists, first: 0, boxes, touched, start };
-        let mut bytes = Vec::with_capacity(BYTES);
-        let mut news = News::default();
-        for (truck, crew) in trucks.iter_mut().zip(crews) {
-            let now = context.now();
-            truck.step(&context);
-            crew.listen(truck, now, &mut bytes);
-            crew.turn(now);
-            crew.speak(truck, now);
-            news = news.and(News::of(crew));
-        }
-        return news;
+        let units = trucks.iter_mut().zip(crews).collect();
+        let mut piece = Piece { units, first: 0, boxes, touched, news: News::default() };
+        piece.run(scene, lists, start, 1);
+        return piece.news;
     }
     let mut units: Vec<Option<Unit<'_>>> = trucks.iter_mut().zip(crews).map(Some).collect();
     let mut pieces = Vec::with_capacity(units.len() / PIECE_ROBOTS + 1);
