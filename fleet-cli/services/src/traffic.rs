@@ -4,9 +4,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
@@ -30,6 +31,9 @@ const TICK: Duration = Duration::from_millis(100);
 /// A robot that has not said what car it is by then is driven around and not led. (The coordinator listens longer
 /// before it leads anybody.)
 const CAR_WITHIN: Duration = Duration::from_millis(300);
+/// A joint plan ends by what it may expand; on a computer that is too slow for that, after so long. What was found by
+/// then counts, and who has had no turn is looked at in the next one.
+const PLAN_WITHIN: Duration = Duration::from_secs(10);
 /// Every so many ticks it says what it does.
 const TELL_EVERY: u64 = 5;
 
@@ -77,7 +81,7 @@ impl TrafficService {
             told,
             stop: stop.clone(),
         };
-        let began = std::time::Instant::now();
+        let began = Instant::now();
         let now = move || Stamp::from_ns(u64::try_from(began.elapsed().as_nanos()).unwrap_or(u64::MAX));
         Ok(Self { working: tokio::spawn(work.run(feed, now)), state, stop, _token: token })
     }
@@ -210,9 +214,12 @@ impl Work {
     fn plan(&self, job: JointJob, done: mpsc::Sender<JointResult>, permit: OwnedSemaphorePermit) {
         let stop = self.stop.clone();
         tokio::task::spawn_blocking(move || {
-            let result = job.solve(&mut || !stop.load(Ordering::Relaxed));
+            let began = Instant::now();
+            let mut keep_going = || !stop.load(Ordering::Relaxed) && began.elapsed() < PLAN_WITHIN;
+            // Its robots shall not wait for ever; what went wrong is on standard error.
+            let solved = catch_unwind(AssertUnwindSafe(|| job.solve(&mut keep_going)));
             drop(permit);
-            let _ = done.blocking_send(result);
+            let _ = done.blocking_send(solved.unwrap_or_else(|_| job.given_up()));
         });
     }
 

@@ -68,7 +68,7 @@ impl Solver<'_> {
                 }
                 self.behind.remove(&index);
                 let found = self.one(index, &led, &expected);
-                if found.is_none() && self.left == 0 && wanting[0] != index {
+                if found.is_none() && wanting[0] != index && self.spent() {
                     self.untried.insert(index);
                 }
                 if let Some(found) = found {
@@ -378,6 +378,17 @@ mod tests {
         steps.remove(1);
         assert!(solver.up_to_a_ring(&steps[..1]).is_some());
         assert!(solver.up_to_a_ring(&[]).is_none());
+    }
+
+    #[test]
+    fn whoever_has_had_no_time_is_not_told_that_there_is_no_way() {
+        let ways = [([2.0, 4.0, EAST], [8.0, 4.0, EAST]), ([2.0, 8.0, EAST], [8.0, 8.0, EAST])];
+        let mut job = job(GridRoom::with(12.0, 12.0, &[]), &ways, 0);
+        job.each_for_itself = true;
+        assert_eq!(job.solve(&mut || true).counts(), (2, 0));
+        // The first one is told: it has had its turn.
+        assert_eq!(job.solve(&mut || false).counts(), (0, 1));
+        assert_eq!(job.given_up().counts(), (0, 2));
     }
 
     #[test]

@@ -88,6 +88,23 @@ impl JointJob {
         self.result(solver, solution, grouped)
     }
 
+    /// What is told where [`solve`](Self::solve) has panicked: nobody has got a way yet.
+    #[must_use]
+    pub fn given_up(&self) -> JointResult {
+        let none = self.indices(|member| member.wanting).map(|index| NoWay::yet(&self.members[index]));
+        JointResult {
+            id: self.id,
+            plans: Vec::new(),
+            order: Order::default(),
+            none: none.collect(),
+            expansions: 0,
+            tries: 0,
+            choices: 0,
+            grouped: false,
+            in_turn: false,
+        }
+    }
+
     /// What is told of it.
     fn result(&self, solver: Solver<'_>, solution: Option<Solution>, grouped: bool) -> JointResult {
         let planned = |index: usize| {

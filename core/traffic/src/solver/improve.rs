@@ -9,26 +9,33 @@ use super::repair;
 
 /// Cars of a neighbourhood at least …
 const FEWEST: usize = 2;
-/// … and at most; both chosen, not measured.
+/// … and at most, at first; both chosen, not measured.
 const MOST: usize = 8;
 /// One search, nearly the shortest way; chosen, not measured.
 const MANNER: Manner = Manner { clash_steps: 0, heuristic_weight: 105, most_nodes: 4_000, most_steps: ANY };
 /// By so many steps the heuristic may say too much; chosen, not measured.
 const TOO_MUCH: usize = 2;
-/// Neighbourhoods in vain after which it ends, for each car; chosen, not measured.
+/// Neighbourhoods in vain, for each car, after which they become larger; chosen, not measured.
 const PATIENCE: usize = 4;
 
 /// What is to become less: the last arrival, and the sum of arrivals, in steps.
 type Cost = (usize, usize);
 
-/// Works until a whole round found nothing or it is told to stop; tells how often something got better.
+/// Works until it is told to stop, or neighbourhoods of all cars found nothing either; tells how often something got
+/// better. After a round in vain neighbourhoods are twice as large, and their searches may take twice as long.
 pub(crate) fn run(plans: &mut Plans<'_>, keep_going: &mut dyn FnMut() -> bool) -> usize {
-    let (mut improved, mut fruitless) = (0, 0);
-    while fruitless < PATIENCE * plans.cars() && keep_going() {
-        let group = neighbourhood(plans);
-        let better = replan(plans, &group, keep_going);
+    let (mut improved, mut fruitless, mut larger) = (0, 0, 1);
+    while keep_going() {
+        let group = neighbourhood(plans, MOST * larger);
+        let better = replan(plans, &group, larger, keep_going);
         improved += usize::from(better);
         fruitless = if better { 0 } else { fruitless + 1 };
+        if fruitless >= PATIENCE * plans.cars() {
+            if MOST * larger >= plans.cars() {
+                break;
+            }
+            (fruitless, larger) = (0, larger * 2);
+        }
     }
     improved
 }
@@ -38,9 +45,9 @@ fn cost(plans: &Plans<'_>) -> Cost {
 }
 
 /// A car that loses time, and others that may be why.
-fn neighbourhood(plans: &mut Plans<'_>) -> Vec<usize> {
+fn neighbourhood(plans: &mut Plans<'_>, most: usize) -> Vec<usize> {
     let seed = late(plans);
-    let size = (FEWEST + plans.draw(MOST - FEWEST + 1)).min(plans.cars());
+    let size = (FEWEST + plans.draw(most - FEWEST + 1)).min(plans.cars());
     let mut group: Cars = 1 << seed;
     if plans.draw(2) == 0 {
         repair::in_the_way(plans, seed, &mut group, size);
@@ -75,7 +82,12 @@ fn late(plans: &mut Plans<'_>) -> usize {
 
 /// New ways for these cars around all others; the old ones come back unless nothing grew. Tells whether
 /// something became less.
-fn replan(plans: &mut Plans<'_>, group: &[usize], keep_going: &mut dyn FnMut() -> bool) -> bool {
+fn replan(
+    plans: &mut Plans<'_>,
+    group: &[usize],
+    larger: usize,
+    keep_going: &mut dyn FnMut() -> bool,
+) -> bool {
     let before = cost(plans);
     let old: Vec<_> = group.iter().map(|&car| plans.take(car)).collect();
     let ranks = vec![Rank::Hard; plans.cars()];
@@ -84,7 +96,8 @@ fn replan(plans: &mut Plans<'_>, group: &[usize], keep_going: &mut dyn FnMut() -
     let found = group.iter().all(|&car| {
         let alone = plans.instance.alone[car];
         let most = (alone + spare).min(before.0);
-        let manner = Manner { most_steps: (most + TOO_MUCH) as u32, ..MANNER };
+        let most_nodes = MANNER.most_nodes * larger as u32;
+        let manner = Manner { most_steps: (most + TOO_MUCH) as u32, most_nodes, ..MANNER };
         let track = if keep_going() { plans.search(car, &ranks, &[], manner) } else { None };
         let Some(track) = track.filter(|track| track.steps() <= most) else { return false };
         spare = (alone + spare) - track.steps();

@@ -1,6 +1,7 @@
 //! Two solvers with different beginnings, each on a thread of its own. Each improves its schedule until it
 //! finds nothing more; the better of what both have soon after each other wins.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -47,7 +48,9 @@ impl Race {
         let race = Self { stop: stop.clone(), outcome: outcome.clone() };
         let problem = problem.clone();
         std::thread::spawn(move || {
-            let ended = run(&problem, seed, deadline, &stop);
+            // Whoever waits for it is told; what went wrong is on standard error.
+            let ended = catch_unwind(AssertUnwindSafe(|| run(&problem, seed, deadline, &stop)));
+            let ended = ended.unwrap_or(Err(Unsolved::NotBegun));
             *outcome.lock().unwrap_or_else(PoisonError::into_inner) = Some(ended);
         });
         race
