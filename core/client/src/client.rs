@@ -243,14 +243,14 @@ impl Client {
         Ok(Some(entries))
     }
 
-    /// How the fleet's simulator runs; `None` = there is none. Asked once: most fleets have none, and
-    /// must not wait for it.
+    /// How the fleet's simulator runs, of several the slowest; `None` = there is none. Asked once: most fleets have
+    /// none, and must not wait for it.
     ///
     /// # Errors
     /// [`ErrorKind::Failed`] if the question could not be sent.
     pub async fn sim_stats(&self) -> Result<Option<SimStats>> {
         let answers = self.bus().get(&self.keys().sim_stats(), self.shared.settings.timeout).await?;
-        Ok(answers.iter().find_map(read))
+        Ok(SimStats::slowest(answers.iter().filter_map(read)))
     }
 
     /// The roster that is known without asking anybody: `expect`, else the config's; empty = none is.

@@ -20,7 +20,7 @@ use xtb_protocol::Name;
 use xtb_protocol::keys::{Channel, FleetKeys, Key};
 use xtb_protocol::messages::{
     About, Event, FleetAlerts, FleetMap, FleetPlaces, MAX_ROSTER, MapPlace, RobotState, RosterEntry, Sensors,
-    SimStats, Suspension, TaskEvent, TaskList, TaskView, TrafficState, Truth,
+    SimStats, Suspension, TaskEvent, TaskList, TaskView, TrafficState,
 };
 
 /// Points of a trail; 5 cm apart: 20 m.
@@ -34,6 +34,8 @@ pub const MOST_ROBOTS: usize = MAX_ROSTER;
 
 /// A simulator speaks once a second, and not as regularly when it is overloaded.
 const SIMULATOR_STALE_MS: u64 = 5000;
+/// Simulators of a fleet that a scene tells apart.
+const MOST_SIMULATORS: usize = 64;
 
 /// The factsheet's name for the wheels' diameter, in m.
 const WHEEL_DIAMETER: &str = "geometry.wheel_diameter_m";
@@ -154,8 +156,8 @@ pub struct Scene {
     tasks: Option<Received<TaskList>>,
     alerts: Option<Received<FleetAlerts>>,
     traffic: Option<Received<TrafficState>>,
-    truth: Option<Received<Truth>>,
-    simulator: Option<Received<SimStats>>,
+    /// By the number of their first robot.
+    simulators: BTreeMap<Option<u32>, Received<SimStats>>,
     dispatcher: bool,
     traffic_control: bool,
     happenings: VecDeque<SceneEvent>,
@@ -176,8 +178,7 @@ impl Scene {
             tasks: None,
             alerts: None,
             traffic: None,
-            truth: None,
-            simulator: None,
+            simulators: BTreeMap::new(),
             dispatcher: false,
             traffic_control: false,
             happenings: VecDeque::new(),
@@ -213,8 +214,12 @@ impl Scene {
             (AnyMessage::Tasks(tasks), None) => self.tasks = Some(Received::new(at_ms, *tasks)),
             (AnyMessage::Alerts(alerts), None) => self.alerts = Some(Received::new(at_ms, *alerts)),
             (AnyMessage::Traffic(traffic), None) => self.traffic = Some(Received::new(at_ms, *traffic)),
-            (AnyMessage::Truth(truth), None) => self.truth = Some(Received::new(at_ms, *truth)),
-            (AnyMessage::SimStats(stats), None) => self.simulator = Some(Received::new(at_ms, *stats)),
+            (AnyMessage::SimStats(stats), None) => {
+                self.simulators.retain(|_, seen| seen.age_ms(at_ms) <= SIMULATOR_STALE_MS);
+                if self.simulators.len() < MOST_SIMULATORS {
+                    self.simulators.insert(stats.first, Received::new(at_ms, *stats));
+                }
+            }
             // Commands, setpoints, fixes and routes show in the states that they bring about.
             _ => {}
         }
@@ -339,18 +344,11 @@ impl Scene {
         self.traffic.as_ref()
     }
 
-    /// Where simulated robots really are.
+    /// How the slowest simulator runs, if it is overloaded; what is older than 5 s says nothing any more.
     #[must_use]
-    pub fn truth(&self) -> Option<&Received<Truth>> {
-        self.truth.as_ref()
-    }
-
-    /// How the simulator runs, if it is overloaded; what is older than 5 s says
-    /// nothing any more.
-    #[must_use]
-    pub fn slow_simulator(&self, now_ms: AtMs) -> Option<&SimStats> {
-        let seen = self.simulator.as_ref().filter(|seen| seen.age_ms(now_ms) <= SIMULATOR_STALE_MS)?;
-        seen.value.is_slow().then_some(&seen.value)
+    pub fn slow_simulator(&self, now_ms: AtMs) -> Option<SimStats> {
+        let heard = self.simulators.values().filter(|seen| seen.age_ms(now_ms) <= SIMULATOR_STALE_MS);
+        SimStats::slowest(heard.map(|seen| seen.value)).filter(SimStats::is_slow)
     }
 
     /// Whether a dispatcher is there.

@@ -285,7 +285,7 @@ impl Known {
             dispatcher: scene.dispatcher(),
             traffic_control: scene.traffic_control(),
             suspended: scene.suspended().iter().map(Suspended::of).collect(),
-            simulator: scene.slow_simulator(now_ms).map(describe::simulator),
+            simulator: scene.slow_simulator(now_ms).as_ref().map(describe::simulator),
             link,
             skipped,
             robots: rows.collect(),

@@ -133,7 +133,8 @@ impl Simulator {
         let world = RunningWorld::start(simulation, lines, time.clone(), plan.speed, move |simulation| {
             observer.step(simulation);
         })?;
-        let stats = StatsService::start(&bus, &keys, time, plan.speed).await?;
+        let first = plan.shares_world().then(|| u32::try_from(plan.first).ok()).flatten();
+        let stats = StatsService::start(&bus, &keys, time, plan.speed, first).await?;
 
         let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
         let settings = AgentSettings {
@@ -161,7 +162,7 @@ impl Simulator {
         let roster_service = serve_roster(&bus, keys.sim_roster(), roster.clone()).await?;
         let foreign = match kinds.into_iter().next() {
             Some(kind) if plan.shares_world() => {
-                let others = foreign::listen(&bus, &keys, &roster, kind.body, world.orders(), plan.speed);
+                let others = foreign::listen(&bus, &keys, &roster, kind.body, world.orders(), stats.told());
                 Some(others.await?)
             }
             _ => None,

@@ -36,7 +36,7 @@ pub(super) struct StatsService {
 }
 
 impl StatsService {
-    /// Begins.
+    /// Begins. `first` is the number of the first robot, where others have the rest of the fleet.
     ///
     /// # Errors
     /// Zenoh would not.
@@ -45,8 +45,9 @@ impl StatsService {
         keys: &FleetKeys,
         world: Arc<WorldTime>,
         speed: f64,
+        first: Option<u32>,
     ) -> Result<Self> {
-        let stats = SimStats { t_s: world.now().s(), speed, real_time_factor: None };
+        let stats = SimStats { t_s: world.now().s(), speed, real_time_factor: None, first };
         let (tell, told) = watch::channel(LatestStats { stats, pace: None });
         let key = keys.sim_stats();
         let publisher = bus.publisher::<SimStats>(&key, &Channel::SimStats, Format::Json).await?;
@@ -59,7 +60,7 @@ impl StatsService {
                 tick.tick().await;
                 let now = world.now();
                 let change = meter.moment(began.elapsed(), now);
-                let stats = SimStats { t_s: now.s(), speed, real_time_factor: meter.factor() };
+                let stats = SimStats { t_s: now.s(), real_time_factor: meter.factor(), ..stats };
                 tell.send_modify(|told| *told = LatestStats { stats, pace: change.or(told.pace) });
                 if (look.is_multiple_of(PUBLISH_EVERY) || change.is_some())
                     && let Err(error) = publisher.put(&stats).await

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::task::JoinHandle;
 use tokio::time::MissedTickBehavior;
 use xtb_bus::Bus;
@@ -55,7 +55,7 @@ pub(super) fn view(roster: &Roster, log: Option<&Path>) -> Result<(TruthView, Ob
     let names: Vec<Name> = roster.robots.iter().map(|robot| robot.name.clone()).collect();
     let mut order: Vec<usize> = (0..roster.robots.len()).collect();
     order.sort_by_key(|index| &names[*index]);
-    let view = TruthView(Arc::new(Mutex::new(Truth { t_s: 0.0, robots: BTreeMap::new() })));
+    let view = TruthView(Arc::new(Mutex::new(Truth { t_s: 0.0, real_s: None, robots: BTreeMap::new() })));
     let log = log
         .map(|path| {
             File::create(path).map(BufWriter::new).map_err(|error| {
@@ -95,7 +95,7 @@ pub(super) fn publish(bus: Bus, key: String, view: TruthView) -> JoinHandle<()> 
             Ok(publisher) => publisher,
             Err(error) => return tracing::warn!("cannot send ground truth: {error}"),
         };
-        let mut tick = tokio::time::interval(PUBLISH_EVERY);
+        let (began, mut tick) = (Instant::now(), tokio::time::interval(PUBLISH_EVERY));
         tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
         loop {
             tick.tick().await;
@@ -103,7 +103,8 @@ pub(super) fn publish(bus: Bus, key: String, view: TruthView) -> JoinHandle<()> 
             if !publisher.has_listeners().await {
                 continue;
             }
-            if let Err(error) = publisher.put(&view.latest()).await {
+            let truth = Truth { real_s: Some(began.elapsed().as_secs_f64()), ..view.latest() };
+            if let Err(error) = publisher.put(&truth).await {
                 tracing::debug!("{error}");
             }
         }

@@ -327,7 +327,7 @@ mod tests {
         assert!(text.lines().next().unwrap().contains("alias        tags"), "{text}");
         assert!(text.lines().nth(2).unwrap().ends_with("Roter Käfer"), "{text}");
         for (factor, said) in [(Some(0.19), true), (Some(0.97), false), (None, false)] {
-            view.simulator = Some(SimStats { t_s: 9.0, speed: 1.0, real_time_factor: factor });
+            view.simulator = Some(SimStats { t_s: 9.0, speed: 1.0, real_time_factor: factor, first: None });
             assert_eq!(
                 table(&view, None, &OUT).ends_with("\nsimulator runs at 0.19 × real time"),
                 said,

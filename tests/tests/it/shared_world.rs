@@ -1,8 +1,11 @@
 //! One world, two simulators: each moves its own robots, and the other's are bodies to them.
 
-use fleet_tests::{eventually, name};
+use fleet_tests::{Pilot, eventually, name};
 use std::sync::mpsc;
+use xtb_bus::SessionRole;
 use xtb_client::ErrorKind;
+use xtb_control::frames::MapPose;
+use xtb_protocol::messages::{Body, LinkLoss, Via};
 use xtb_sim::fixes::FixTruth;
 use xtb_simulator::{SimulationPlan, Simulator};
 
@@ -52,6 +55,29 @@ async fn robots_of_two_simulators_are_bodies_to_each_other_until_one_of_them_end
     );
     second.stop().await;
     eventually("it is gone", || async { foreign(&first).await.is_empty().then_some(()) }).await;
+    first.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_robot_stops_before_one_of_another_simulator_and_drives_on_when_that_has_ended() {
+    let at = |x_m| vec![MapPose { x_m, y_m: 0.0, yaw_rad: 0.0 }];
+    let first = SimulationPlan { starts: at(0.0), ..plan(1, 2, Vec::new()) };
+    let first = Simulator::start(first).await.unwrap();
+    let connect = vec![first.endpoint().to_owned()];
+    let second = SimulationPlan { starts: at(1.6), ..plan(2, 2, connect.clone()) };
+    let second = Simulator::start(second).await.unwrap();
+    eventually("the other one", || async { (foreign(&first).await == ["xtb-2"]).then_some(()) }).await;
+    let bus = xtb_bus::open(&SessionRole::Client { connect }).await.unwrap();
+    let (on_link_loss, finish_s, via) = (LinkLoss::Finish, 60.0, Some(Via::Direct));
+    let goal = Body::Goto { x_m: 3.0, y_m: 0.0, yaw_rad: None, via, on_link_loss, finish_s };
+    Pilot::new(&bus, "lab", "xtb-1", "test").await.ask(goal).await;
+    let truth = || *first.truth().latest().robots.first_key_value().unwrap().1;
+    let stands = || async { Some(truth()).filter(|truth| truth.x_m > 0.3 && truth.speed_mps.abs() < 1e-3) };
+    let stands = eventually("it stands before the other one", stands).await;
+    assert!(stands.x_m < 1.1 && stands.contacts == 0, "{stands:?}");
+    second.stop().await;
+    eventually("it drives on", || async { (truth().x_m > 1.6).then_some(()) }).await;
+    assert_eq!(truth().contacts, 0);
     first.stop().await;
 }
 

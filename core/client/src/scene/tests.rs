@@ -1,7 +1,7 @@
 //! What a scene keeps, and for how long.
 
 use super::*;
-use xtb_protocol::messages::{Roster, Truth};
+use xtb_protocol::messages::{Roster, SimStats};
 
 fn own(text: &str) -> Name {
     Name::new(text).unwrap()
@@ -90,7 +90,25 @@ fn the_roster_makes_rows_for_those_who_are_missing() {
     scene.take(0, &key("xtb/lab/sim/roster"), Roster { robots: vec![bare] }.into());
     let kept = scene.robots()[&own("xtb-7")].roster.as_ref().unwrap();
     assert_eq!(kept.tags, ["red"]);
-    let truth = Truth { t_s: 1.0, robots: BTreeMap::new() };
-    scene.take(5, &key("xtb/lab/sim/truth"), truth.clone().into());
-    assert_eq!(scene.truth(), Some(&Received { at_ms: 5, value: truth }));
+}
+
+#[test]
+fn of_several_simulators_the_slowest_is_told_as_long_as_it_is_heard() {
+    let mut scene = Scene::new(own("lab"));
+    let stats = |first, factor| SimStats { t_s: 1.0, speed: 2.0, real_time_factor: Some(factor), first };
+    let mut say = |at_ms, first, factor| {
+        scene.take(at_ms, &key("xtb/lab/sim/stats"), stats(first, factor).into());
+        scene.slow_simulator(at_ms)
+    };
+    assert_eq!(say(0, Some(1), 1.9), None);
+    let slow = stats(Some(501), 0.6);
+    assert_eq!(say(500, Some(501), 0.6), Some(slow));
+    assert_eq!(say(1000, Some(1), 1.9), Some(slow), "the other one is in time");
+    assert_eq!(say(1400, Some(1), 0.5), Some(stats(Some(1), 0.5)), "even slower");
+    assert_eq!(say(2000, Some(501), 1.8), Some(stats(Some(1), 0.5)));
+    assert_eq!(say(6500, Some(501), 1.8), None, "the first one has not been heard for 5 s");
+    for first in 0..1000 {
+        say(7000, Some(first), 1.0);
+    }
+    assert_eq!(scene.simulators.len(), MOST_SIMULATORS);
 }

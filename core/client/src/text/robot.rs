@@ -37,11 +37,12 @@ fn age_ms(ms: Option<u64>) -> String {
 
 /// How fast a simulator runs, × real time; what was asked for too, where that is something else.
 pub fn simulator(stats: &SimStats) -> String {
+    let which = stats.first.map_or_else(String::new, |first| format!(" of xtb-{first} …"));
     let Some(factor) = stats.real_time_factor else {
-        return "simulator running, speed unknown".to_owned();
+        return format!("simulator{which} running, speed unknown");
     };
     let digits = if factor < 10.0 { 2 } else { 0 };
-    let runs = format!("simulator runs at {} × real time", fixed(factor, digits));
+    let runs = format!("simulator{which} runs at {} × real time", fixed(factor, digits));
     if stats.speed == 1.0 { runs } else { format!("{runs}, {} × requested", stats.speed) }
 }
 

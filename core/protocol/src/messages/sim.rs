@@ -37,6 +37,10 @@ pub struct TruthRobot {
 pub struct Truth {
     /// Simulated time.
     pub t_s: f64,
+    /// Real time since the simulator started, in s, when this was sent: how late it comes shows beside others. `None` =
+    /// from a log, or from a program that does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub real_s: Option<f64>,
     /// By name.
     pub robots: BTreeMap<Name, TruthRobot>,
 }
@@ -62,6 +66,9 @@ pub struct SimStats {
     pub speed: f64,
     /// Simulated over real time, over the last seconds; `None` = not measured yet.
     pub real_time_factor: Option<f64>,
+    /// Number of its first robot, where others have the rest of the fleet; `None` = it has all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first: Option<u32>,
 }
 
 impl SimStats {
@@ -69,6 +76,13 @@ impl SimStats {
     #[must_use]
     pub fn is_slow(&self) -> bool {
         self.real_time_factor.is_some_and(|factor| factor < SLOW_BELOW * self.speed)
+    }
+
+    /// Of several simulators of a fleet the one that is farthest behind the speed that was asked of it.
+    pub fn slowest(all: impl IntoIterator<Item = Self>) -> Option<Self> {
+        let share =
+            |stats: &Self| stats.real_time_factor.map_or(f64::INFINITY, |factor| factor / stats.speed);
+        all.into_iter().min_by(|a, b| share(a).total_cmp(&share(b)))
     }
 }
 

@@ -111,7 +111,7 @@ fn an_overloaded_simulator_is_told_in_words_as_long_as_it_is_heard() {
     let mut said =
         |scene: &Scene, now_ms| news(&mut known, scene, now_ms).pop().unwrap()["frame"]["simulator"].take();
     assert_eq!(said(&scene, 0), Value::Null);
-    let stats = |factor| SimStats { t_s: 1.0, speed: 4.0, real_time_factor: factor };
+    let stats = |factor| SimStats { t_s: 1.0, speed: 4.0, real_time_factor: factor, first: None };
     put(&mut scene, 1000, &keys().sim_stats(), stats(Some(0.76)));
     assert_eq!(said(&scene, 2000), "simulator runs at 0.76 × real time, 4 × requested");
     assert_eq!(said(&scene, 9000), Value::Null, "that was long ago");

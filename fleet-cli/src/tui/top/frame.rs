@@ -138,7 +138,7 @@ impl Cockpit {
             add(format!("{alerts} ALERT{} (o)", if alerts == 1 { "" } else { "S" }), Tone::Bad);
         }
         if let Some(stats) = scene.slow_simulator(now_ms) {
-            add(xtb_client::text::robot::simulator(stats), Tone::Warning);
+            add(xtb_client::text::robot::simulator(&stats), Tone::Warning);
         }
         if self.playing.is_none() {
             let is = |there: bool| if there { Tone::Plain } else { Tone::Dim };

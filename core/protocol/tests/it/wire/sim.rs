@@ -17,12 +17,16 @@ fn pinned<M: Message + PartialEq + std::fmt::Debug>(message: &M, json: &str) {
 fn stats_truth_and_roster() {
     assert_eq!((SimStats::VERSION, Truth::VERSION, Roster::VERSION), (1, 1, 1));
     pinned(
-        &SimStats { t_s: 68.5, speed: 4.0, real_time_factor: Some(0.75) },
+        &SimStats { t_s: 68.5, speed: 4.0, real_time_factor: Some(0.75), first: None },
         r#"{"t_s":68.5,"speed":4.0,"real_time_factor":0.75}"#,
     );
     pinned(
-        &SimStats { t_s: 0.0, speed: 1.0, real_time_factor: None },
+        &SimStats { t_s: 0.0, speed: 1.0, real_time_factor: None, first: None },
         r#"{"t_s":0.0,"speed":1.0,"real_time_factor":null}"#,
+    );
+    pinned(
+        &SimStats { t_s: 1.0, speed: 1.0, real_time_factor: None, first: Some(501) },
+        r#"{"t_s":1.0,"speed":1.0,"real_time_factor":null,"first":501}"#,
     );
     let robot = TruthRobot {
         x_m: 0.25,
@@ -34,8 +38,12 @@ fn stats_truth_and_roster() {
         contacts: 0,
     };
     pinned(
-        &Truth { t_s: 68.5, robots: BTreeMap::from([(name("xtb-1"), robot)]) },
+        &Truth { t_s: 68.5, real_s: None, robots: BTreeMap::from([(name("xtb-1"), robot)]) },
         r#"{"t_s":68.5,"robots":{"xtb-1":{"x_m":0.25,"y_m":-1.5,"yaw_rad":1.5,"speed_mps":0.125,"motor_counts":3750,"neutral_since_s":67.5,"contacts":0}}}"#,
+    );
+    pinned(
+        &Truth { t_s: 68.5, real_s: Some(70.25), robots: BTreeMap::new() },
+        r#"{"t_s":68.5,"real_s":70.25,"robots":{}}"#,
     );
     let start_pose = Some(MapPose { x_m: 1.0, y_m: 2.0, yaw_rad: 0.5 });
     let entry = RosterEntry { name: name("xtb-1"), tags: vec!["arm".into()], start_pose };

@@ -235,7 +235,7 @@ fn latches_faults_and_batteries_are_shown_with_their_remedies() {
 
 /// The fleet in a simulator that runs at `factor` × real time.
 fn simulated(factor: f64) -> Facts {
-    let stats = SimStats { t_s: 60.0, speed: 1.0, real_time_factor: Some(factor) };
+    let stats = SimStats { t_s: 60.0, speed: 1.0, real_time_factor: Some(factor), first: None };
     Facts { simulator: Some(stats), simulated: ["xtb-1", "xtb-2"].map(name).into(), ..healthy() }
 }
 

@@ -27,7 +27,7 @@ fn every_robot_is_told_apart_in_the_table_at_both_sizes() {
 #[test]
 fn an_overloaded_simulator_stands_in_the_title_at_both_sizes() {
     let mut scene = fleet();
-    let stats = |factor| SimStats { t_s: 1.0, speed: 1.0, real_time_factor: Some(factor) };
+    let stats = |factor| SimStats { t_s: 1.0, speed: 1.0, real_time_factor: Some(factor), first: None };
     let said = "simulator runs at 0.19 × real time";
     scene.take(NOW - 1000, &key("sim/stats"), stats(0.19).into());
     let shown = screen(&mut cockpit(), &scene, 160, 50);
