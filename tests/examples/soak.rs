@@ -222,19 +222,20 @@ fn mib(held: &Held) -> f64 {
 fn table(watched: &[Watched]) -> Vec<String> {
     let mut broken = Vec::new();
     println!(
-        "\n| process | memory, MiB: first | last | growth, MiB/h | handles: first | last | growth | CPU, cores |"
+        "\n| process | memory, MiB: first | last | growth, MiB/h | in the last quarter | handles: first | last | growth | CPU, cores |"
     );
-    println!("|{}", " ---: |".repeat(8));
+    println!("|{}", " ---: |".repeat(9));
     for Watched { name, limited, looks, .. } in watched {
         let (Some(first), Some(last), Some(growth)) = (looks.first(), looks.last(), Growth::of(looks)) else {
             broken.push(format!("{name}: too few looks"));
             continue;
         };
         println!(
-            "| {name} | {:.1} | {:.1} | {:+.2} | {} | {} | {:+.2} | {:.3} |",
+            "| {name} | {:.1} | {:.1} | {:+.2} | {:+.2} | {} | {} | {:+.2} | {:.3} |",
             mib(first),
             mib(last),
             growth.memory_mib_per_h,
+            growth.late_mib_per_h,
             first.handles,
             last.handles,
             growth.handles,

@@ -5,6 +5,8 @@ use std::io;
 
 /// The first part of the time in which nothing counts: queues and caches fill.
 const WARM_UP: f64 = 1.0 / 6.0;
+/// The last part of the time, which tells whether growth comes to an end.
+const LATE: f64 = 1.0 / 4.0;
 
 /// One look at a process.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +49,8 @@ fn cpu_s(stat: &str) -> Option<f64> {
 pub struct Growth {
     /// Of the memory.
     pub memory_mib_per_h: f64,
+    /// Of the memory in the last quarter of the time.
+    pub late_mib_per_h: f64,
     /// Of the number of handles, over all that time.
     pub handles: f64,
     /// CPU time in a second.
@@ -59,15 +63,16 @@ impl Growth {
     pub fn of(looks: &[Held]) -> Option<Self> {
         let (first_s, last_s) = (looks.first()?.at_s, looks.last()?.at_s);
         let from_s = first_s + WARM_UP * (last_s - first_s);
-        let warm: Vec<&Held> = looks.iter().filter(|held| held.at_s >= from_s).collect();
-        let line = |value: fn(&Held) -> f64| {
-            let points: Vec<(f64, f64)> = warm.iter().map(|held| (held.at_s, value(held))).collect();
-            slope(&points)
+        let line = |from_s: f64, value: fn(&Held) -> f64| {
+            let looks = looks.iter().filter(|held| held.at_s >= from_s);
+            slope(&looks.map(|held| (held.at_s, value(held))).collect::<Vec<_>>())
         };
+        let memory = |from_s| Some(line(from_s, |held| held.memory_kib as f64)? * 3600.0 / 1024.0);
         Some(Self {
-            memory_mib_per_h: line(|held| held.memory_kib as f64)? * 3600.0 / 1024.0,
-            handles: line(|held| held.handles as f64)? * (last_s - from_s),
-            cores: line(|held| held.cpu_s)?,
+            memory_mib_per_h: memory(from_s)?,
+            late_mib_per_h: memory(last_s - LATE * (last_s - first_s))?,
+            handles: line(from_s, |held| held.handles as f64)? * (last_s - from_s),
+            cores: line(from_s, |held| held.cpu_s)?,
         })
     }
 }
@@ -106,6 +111,14 @@ mod tests {
     fn what_comes_in_the_warm_up_is_no_growth() {
         let growth = Growth::of(&hour(|n| 50_000 + 500 * n.min(59), |n| 20 + n.min(59))).unwrap();
         assert!(growth.memory_mib_per_h.abs() < 1e-6 && growth.handles.abs() < 1e-6, "{growth:?}");
+    }
+
+    #[test]
+    fn what_grew_before_the_last_quarter_is_not_in_its_growth() {
+        let growth = Growth::of(&hour(|n| 50_000 + 100 * n.min(180), |_| 20)).unwrap();
+        assert!(growth.memory_mib_per_h > 10.0 && growth.late_mib_per_h.abs() < 1e-6, "{growth:?}");
+        let late = Growth::of(&hour(|n| 50_000 + n.saturating_sub(270) * 4 * 1024 / 360, |_| 20)).unwrap();
+        assert!((late.late_mib_per_h - 4.0).abs() < 0.02 && late.memory_mib_per_h < 2.0, "{late:?}");
     }
 
     #[test]

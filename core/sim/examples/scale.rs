@@ -1,9 +1,12 @@
 //! What a simulated robot costs, and how that grows with their number: truck, sensors, lines, robot and
-//! controller, on one thread; everybody wanders in a room for all. The table and the plot of docs/simulator.md.
+//! controller, on one thread; everybody wanders in a room for all. The tables and the plot of docs/simulator.md.
 //!
 //! `cargo run --release -p xtb-sim --example scale [plot FILE.svg | ROBOTS …]`: 1, 10, 100 and 1,000 robots
 //! unless others are given. Time is the thread's own on a processor where the system says it, so that other
 //! programs disturb little.
+//!
+//! `… goals [ROBOTS …]`: all drive to one planned goal after the other instead, without traffic control: they hear
+//! those near them and give way, and plan their ways on this thread.
 //!
 //! `… threads COUNT [ROBOTS …]`: on so many threads, in real time, beside one thread.
 
@@ -14,16 +17,23 @@ mod plot;
 #[path = "scale/threads.rs"]
 mod threads;
 
+use rand_core::Rng;
+use rand_pcg::Pcg32;
 use std::time::Instant;
 use threads::Threads;
 use xtb_control::VehicleConfig;
-use xtb_protocol::messages::{Body, LinkLoss, Request};
+use xtb_protocol::messages::{Body, LinkLoss, Request, Via};
 use xtb_protocol::{Name, Uuid};
 use xtb_sim::{Executor, Lockstep, STEP_NS, Sequential, Simulation, TruckParameters, World};
 
-/// Robot-seconds of each run, and how often it is made: the median counts.
+/// Robot-seconds of each run, fewer where ways are planned, and how often it is made: the median counts.
 const ROBOT_SECONDS: f64 = 6000.0;
+const GOALS_ROBOT_SECONDS: f64 = 1000.0;
 const RUNS: usize = 5;
+/// Everybody gets another goal after so long, in s, wherever it is then: few have arrived.
+const GOAL_S: u64 = 10;
+/// Goals are at least this far from the walls.
+const WALL_M: f64 = 1.0;
 
 /// One line of the table.
 pub(crate) struct Row {
@@ -37,19 +47,29 @@ fn main() {
     if arguments.first().is_some_and(|word| word == "threads") {
         return on_threads(&arguments[1..]);
     }
+    let drive =
+        if arguments.first().is_some_and(|word| word == "goals") { Drive::Goals } else { Drive::Wander };
     let file = (arguments.first().is_some_and(|word| word == "plot")).then(|| arguments[1].clone());
     let counts: Vec<usize> = arguments.iter().filter_map(|word| word.parse().ok()).collect();
     let counts = if counts.is_empty() { vec![1, 10, 100, 1000] } else { counts };
     println!("| robots | core-µs a robot-second | least | most | × real time on one core | contacts |");
     println!("| ---: | ---: | ---: | ---: | ---: | ---: |");
-    let rows: Vec<Row> = counts.into_iter().map(row).collect();
+    let rows: Vec<Row> = counts.into_iter().map(|robots| row(robots, drive)).collect();
     if let Some(file) = file {
         plot::draw(std::path::Path::new(&file), &rows).unwrap();
     }
 }
 
-fn row(robots: usize) -> Row {
-    let mut runs: Vec<(f64, u64)> = (0..RUNS).map(|_| run(robots)).collect();
+/// What everybody does.
+#[derive(Clone, Copy, PartialEq)]
+enum Drive {
+    Wander,
+    /// Planned goals at random places, one every [`GOAL_S`].
+    Goals,
+}
+
+fn row(robots: usize, drive: Drive) -> Row {
+    let mut runs: Vec<(f64, u64)> = (0..RUNS).map(|_| run(robots, drive)).collect();
     runs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let us = [runs[0].0, runs[RUNS / 2].0, runs[RUNS - 1].0];
     let contacts = runs[0].1;
@@ -83,22 +103,32 @@ fn on_threads(arguments: &[String]) {
 /// Simulated over real time.
 fn speed(robots: usize, executor: &impl Executor) -> f64 {
     let mut fleet = fleet(robots);
-    let steps = steps(robots);
+    let steps = steps(robots, ROBOT_SECONDS);
     let began = Instant::now();
     fleet.run(steps, executor);
     (steps * STEP_NS) as f64 / 1e9 / began.elapsed().as_secs_f64()
 }
 
-fn steps(robots: usize) -> u64 {
-    (ROBOT_SECONDS / robots as f64 * 1e9) as u64 / STEP_NS
+fn steps(robots: usize, robot_s: f64) -> u64 {
+    (robot_s / robots as f64 * 1e9) as u64 / STEP_NS
 }
 
 /// Core-µs a robot-second, and the touches.
-fn run(robots: usize) -> (f64, u64) {
+fn run(robots: usize, drive: Drive) -> (f64, u64) {
     let mut fleet = fleet(robots);
+    let mut goals = (drive == Drive::Goals).then(|| Goals::new(&mut fleet));
+    let robot_s = if drive == Drive::Goals { GOALS_ROBOT_SECONDS } else { ROBOT_SECONDS };
     let clock = Clock::start();
-    fleet.run(steps(robots), &Sequential);
-    let us = clock.seconds() * 1e6 / ROBOT_SECONDS;
+    let mut left = steps(robots, robot_s);
+    while left > 0 {
+        if let Some(goals) = &mut goals {
+            goals.send(&mut fleet, robots);
+        }
+        let steps = left.min(GOAL_S * 1_000_000_000 / STEP_NS);
+        fleet.run(steps, &Sequential);
+        left -= steps;
+    }
+    let us = clock.seconds() * 1e6 / robot_s;
     (us, fleet.simulation().truths().map(|truth| truth.contacts).sum())
 }
 
@@ -119,6 +149,41 @@ fn fleet(robots: usize) -> Lockstep {
         fleet.request(robot, &name("bench"), &request);
     }
     fleet
+}
+
+/// Where everybody is sent.
+struct Goals {
+    /// Where the room begins and how long it is, along x and y.
+    room_m: [(f64, f64); 2],
+    dice: Pcg32,
+    asked: u128,
+}
+
+impl Goals {
+    fn new(fleet: &mut Lockstep) -> Self {
+        let map = fleet.simulation().world().to_map(0.05).unwrap();
+        fleet.set_map(&map);
+        let grid = map.grid();
+        let [x_m, y_m] = grid.origin_m();
+        let span_m = |cells: usize| cells as f64 * grid.resolution_m();
+        let room_m = [(x_m, span_m(grid.width())), (y_m, span_m(grid.height()))];
+        Self { room_m, dice: Pcg32::new(1, 1), asked: 1 << 64 }
+    }
+
+    fn send(&mut self, fleet: &mut Lockstep, robots: usize) {
+        for robot in 0..robots {
+            let [x_m, y_m] = self.room_m.map(|(from_m, long_m)| {
+                let part = f64::from(self.dice.next_u32()) / f64::from(u32::MAX);
+                from_m + WALL_M + part * (long_m - 2.0 * WALL_M)
+            });
+            let via = Some(Via::Planned);
+            let body =
+                Body::Goto { x_m, y_m, yaw_rad: None, via, on_link_loss: LinkLoss::Finish, finish_s: 300.0 };
+            self.asked += 1;
+            let request = Request { id: Uuid::from_u128(self.asked), lease: None, body };
+            fleet.request(robot, &Name::new("bench").unwrap(), &request);
+        }
+    }
 }
 
 /// This thread's time on a processor; of the clock on the wall where the system does not say it.

@@ -22,7 +22,7 @@ impl Work {
         match figure {
             Figure::ControllerStep => driving::controller_steps(),
             Figure::RobotTurn => driving::robot_turns(),
-            // Steps of 5 ms; robots hear each other every 40th.
+            // Steps of 5 ms, as many at a time as nobody has to hear of anybody.
             Figure::OneRobot => driving::wanderers(1, 4000),
             Figure::TenRobots => driving::wanderers(10, 1000),
             Figure::HundredRobots => driving::wanderers(100, 80),

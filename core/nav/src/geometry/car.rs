@@ -160,10 +160,14 @@ impl Car {
     pub fn distance_m(&self, pose: &MapPose, point: [f64; 2]) -> f64 {
         let (sin, cos) = libm::sincos(pose.yaw_rad);
         let (dx, dy) = (point[0] - pose.x_m, point[1] - pose.y_m);
-        let (ahead, left) = (dx * cos + dy * sin, dy * cos - dx * sin);
-        let beyond = (ahead - self.front_m).max(-self.rear_m - ahead).max(0.0);
-        let beside = (left.abs() - self.half_width_m).max(0.0);
-        libm::hypot(beyond, beside)
+        self.distance_from_m(dx * cos + dy * sin, dy * cos - dx * sin)
+    }
+
+    /// The same of a point that is so far ahead of the reference point, and so far to its left.
+    pub(crate) fn distance_from_m(&self, ahead_m: f64, left_m: f64) -> f64 {
+        let beyond_m = (ahead_m - self.front_m).max(-self.rear_m - ahead_m).max(0.0);
+        let beside_m = (left_m.abs() - self.half_width_m).max(0.0);
+        libm::hypot(beyond_m, beside_m)
     }
 
     /// Whether two cars overlap (separating axes; touching is not overlapping).

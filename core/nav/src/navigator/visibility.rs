@@ -36,17 +36,25 @@ pub(super) fn blind_points(
     let mut open: Vec<Open> = points.iter().filter_map(|point| Open::at(*point, car, &here)).collect();
     let mut blind = Vec::new();
     let steps = libm::ceil((ways_m[1] - ways_m[0]).max(0.0) / STEP_M) as u32;
+    let far_m2 = beyond_reach_m2(car, sight);
     for step in 0..=steps {
         let way_m = (ways_m[0] + f64::from(step) * STEP_M).min(ways_m[1]);
         let (pose, _) = path.at(way_m);
+        let (sin, cos) = libm::sincos(pose.yaw_rad);
+        // Thousands of points, at thousands of places of a long path: nearly all are far.
         open.retain_mut(|Open { point, least_m, seen_m }| {
-            if car.distance_m(&pose, *point) <= *least_m {
+            let (dx, dy) = (point[0] - pose.x_m, point[1] - pose.y_m);
+            if dx * dx + dy * dy > far_m2 {
+                return true;
+            }
+            let (ahead_m, left_m) = (dx * cos + dy * sin, dy * cos - dx * sin);
+            if car.distance_from_m(ahead_m, left_m) <= *least_m {
                 if *seen_m > way_m - STOPS_WITHIN_M {
                     blind.push((way_m, *point));
                 }
                 return false;
             }
-            if *seen_m > way_m && looks_at(car, sight, &pose, *point) {
+            if *seen_m > way_m && looks_at(car, sight, ahead_m, left_m) {
                 *seen_m = way_m;
             }
             true
@@ -76,11 +84,15 @@ impl Open {
     }
 }
 
-/// Whether a beam of either bumper passes over a point.
-fn looks_at(car: &Car, sight: &Sight, pose: &MapPose, point: [f64; 2]) -> bool {
-    let (sin, cos) = libm::sincos(pose.yaw_rad);
-    let (dx, dy) = (point[0] - pose.x_m, point[1] - pose.y_m);
-    let (ahead_m, left_m) = (dx * cos + dy * sin, dy * cos - dx * sin);
+/// The square of a distance from the reference point from which on nothing is touched or looked at, in m².
+fn beyond_reach_m2(car: &Car, sight: &Sight) -> f64 {
+    let along_m = car.front_m.max(car.rear_m) + SURE_WITHIN_M.max(IN_THE_WAY_M);
+    let across_m = sight.widest_m().max(car.half_width_m + IN_THE_WAY_M);
+    (along_m * along_m + across_m * across_m) * 1.001 // more than any rounding
+}
+
+/// Whether a beam of either bumper passes over a point that is so far ahead of the reference point, and to its left.
+fn looks_at(car: &Car, sight: &Sight, ahead_m: f64, left_m: f64) -> bool {
     let beyond_m = (ahead_m - car.front_m).max(-car.rear_m - ahead_m);
     (0.0..=SURE_WITHIN_M).contains(&beyond_m) && sight.looks_at(ahead_m > 0.0, left_m)
 }

@@ -113,6 +113,11 @@ impl Sight {
         left_m.abs() <= self.half_width_m[usize::from(!ahead)]
     }
 
+    /// No place is looked at that is farther beside the middle than this, in m.
+    pub(crate) fn widest_m(&self) -> f64 {
+        self.half_width_m[0].max(self.half_width_m[1])
+    }
+
     /// From the middle of that bumper to either side a leg is seen, in m.
     pub(crate) fn leg_half_width_m(&self, ahead: bool) -> f64 {
         self.leg_half_width_m[usize::from(!ahead)]

@@ -13,7 +13,7 @@ use xtb_protocol::codec::{self, Format};
 use xtb_protocol::messages::{Body, Done, Lease, LinkLoss, Outcome, Request, RobotState, TruthRobot};
 use xtb_robot::{Robot, RobotIdentity};
 use xtb_sim::lockstep::turn;
-use xtb_sim::{Lockstep, STEP_NS, Simulation, Truck, TruckParameters, World};
+use xtb_sim::{Lockstep, STEP_NS, Sequential, Simulation, Truck, TruckParameters, World};
 
 /// Steps of the simulator until everything is set up.
 const BOOT_STEPS: usize = 400;
@@ -164,9 +164,7 @@ pub(super) fn wanderers(robots: usize, steps: usize) -> Work {
     let mut fleet = wandering(robots);
     let simulated_s = (steps as u64 * STEP_NS) as f64 * 1e-9;
     Work::new(robots as f64 * simulated_s, move || {
-        for _ in 0..steps {
-            fleet.step();
-        }
+        fleet.run(steps as u64, &Sequential);
     })
 }
 
