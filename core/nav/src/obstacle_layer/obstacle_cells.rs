@@ -1,6 +1,7 @@
 //! Marked cells: few, sorted, each with when it was seen last.
 
 use super::beams::Extent;
+use crate::geometry::grid::floor;
 use xtb_control::units::Stamp;
 
 /// Seen so often an obstacle counts: a single reading is a disturbance.
@@ -79,12 +80,6 @@ impl CellGrid {
         let along = |axis: usize, n: i64| self.origin_m[axis] + (n as f64 + 0.5) * self.resolution_m;
         [along(0, column), along(1, row)]
     }
-}
-
-/// As `libm::floor` and a cast, in a tenth of their time.
-fn floor(value: f64) -> i64 {
-    let near = value as i64;
-    near.saturating_sub(i64::from(near as f64 > value))
 }
 
 #[derive(Debug, Clone)]

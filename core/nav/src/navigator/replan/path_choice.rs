@@ -9,13 +9,12 @@ use super::caution::CautionLevel;
 use super::job::Planned;
 use super::search::Search;
 use super::visibility_grid::VisibilityGrid;
-use crate::geometry::{Car, Path};
+use crate::geometry::Path;
 use crate::navigator::following::{BEND_MPS, TIGHT};
 use crate::navigator::visibility::{BODY_STEP_M, blind_points};
 use crate::obstacle_layer::ObstacleLayer;
 use crate::planner::Planner;
 use crate::planner::space::GridSpace;
-use std::collections::BTreeSet;
 
 /// Circles that are tried beside the tightest, as multiples of its radius; chosen, not measured.
 const WIDER: [f64; 2] = [2.0, 3.5];
@@ -52,8 +51,8 @@ impl Search<'_> {
         let Some(space) = space else { return Planned { path, to_vantage: false, expects_thin: true } };
         let mut best = self.valued(path, &space);
         for wider in WIDER.into_iter().filter(|_| level.keeps_margin()) {
-            let car = Car { radius_m: self.car.radius_m * wider, ..self.car };
-            let Ok(wide) = self.space_for(&car, level, &self.seen, unseen) else { continue };
+            let (car, look_out) = self.planned_car(level, wider);
+            let wide = space.with_car(car, look_out);
             let Ok(path) = self.search(planner, &wide, &self.goal(), EXPANSIONS) else { continue };
             if self.blind(&path).is_empty() {
                 let other = self.valued(path, &space);
@@ -105,14 +104,16 @@ impl Search<'_> {
     fn blind_m2(&self, path: &Path) -> f64 {
         let grid = self.map.map.grid();
         let side_m = grid.resolution_m();
-        let mut cells = BTreeSet::new();
+        let mut cells = Vec::new();
         let steps = libm::ceil(path.length_m() / BODY_STEP_M) as u32;
         for step in 0..=steps {
             let (pose, _) = path.at(f64::from(step) * BODY_STEP_M);
             for [x_m, y_m] in self.car.body_points(&pose) {
-                cells.insert(grid.place(x_m, y_m));
+                cells.push(grid.place(x_m, y_m));
             }
         }
+        cells.sort_unstable();
+        cells.dedup();
         let middles = cells.into_iter().map(|(column, row)| grid.centre_m(column, row));
         let unknown: Vec<[f64; 2]> = middles.filter(|at| !self.obstacles.is_known_free(*at)).collect();
         let eyes = (&self.car, self.obstacles.sight());

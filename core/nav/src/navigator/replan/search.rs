@@ -97,20 +97,6 @@ impl Search<'_> {
         seen: &[[f64; 2]],
         unseen: &[[f64; 2]],
     ) -> Result<GridSpace, PlanFailure> {
-        let car = Car { radius_m: self.car.radius_m * RADIUS_FACTOR, ..self.car };
-        self.space_for(&car, level, seen, unseen)
-    }
-
-    /// The same for a car that turns as tightly as this one.
-    pub(super) fn space_for(
-        &self,
-        car: &Car,
-        level: &CautionLevel,
-        seen: &[[f64; 2]],
-        unseen: &[[f64; 2]],
-    ) -> Result<GridSpace, PlanFailure> {
-        let margin_m = level.margin_m;
-        let car = car.grown(margin_m);
         let zones = self.zones(level, unseen);
         let mut things = [seen, &self.robots].concat();
         if level.unseen_m > 0.0 {
@@ -126,9 +112,15 @@ impl Search<'_> {
             one_way: self.map.zones.one_way.as_deref(),
             local_m: &things,
         };
-        let half_width_m = self.obstacles.sight().look_out_half_m();
-        let look_out = LookOut { ahead_m: LOOK_OUT_M - margin_m, half_width_m };
+        let (car, look_out) = self.planned_car(level, RADIUS_FACTOR);
         GridSpace::new(&layers, car, look_out).map_err(|error| PlanFailure::for_good(error.to_string()))
+    }
+
+    /// The car at this level of caution, with its tightest circle so many times as large, and how far it looks out.
+    pub(super) fn planned_car(&self, level: &CautionLevel, wider: f64) -> (Car, LookOut) {
+        let car = Car { radius_m: self.car.radius_m * wider, ..self.car };
+        let half_width_m = self.obstacles.sight().look_out_half_m();
+        (car.grown(level.margin_m), LookOut { ahead_m: LOOK_OUT_M - level.margin_m, half_width_m })
     }
 
     /// A path in it, for so many expansions.

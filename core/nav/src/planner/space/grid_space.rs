@@ -10,6 +10,7 @@ use crate::MapPose;
 use crate::geometry::rect::INFRARED_STOPS_M;
 use crate::geometry::{Car, Cell, Clearance, Grid, Piece};
 use crate::map::Zones;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// What must be free ahead of the bumper in the gear that is driven, because the first level stops
@@ -88,11 +89,25 @@ pub struct GridSpace {
     body: Plate,
     /// Beyond the bumper when driving ahead and astern.
     strips: Option<[Plate; 2]>,
-    all: Layer,
+    all: Arc<Layer>,
     /// Without zones; `None` = there are none.
-    seen: Option<Layer>,
+    seen: Option<Arc<Layer>>,
     one_way: Option<OneWay>,
     zones: Vec<String>,
+}
+
+/// Its body, and its look-outs ahead and astern.
+fn plates(car: &Car, look_out: LookOut) -> (Plate, Option<[Plate; 2]>) {
+    let strip = |near: f64| Plate {
+        front_m: near + look_out.ahead_m,
+        rear_m: -near,
+        half_width_m: look_out.half_width_m,
+    };
+    let ahead = strip(car.front_m);
+    let astern = strip(car.rear_m);
+    let astern = Plate { front_m: astern.rear_m, rear_m: astern.front_m, ..astern };
+    let body = Plate { front_m: car.front_m, rear_m: car.rear_m, half_width_m: car.half_width_m };
+    (body, (look_out.ahead_m > 0.0).then_some([ahead, astern]))
 }
 
 impl GridSpace {
@@ -108,7 +123,7 @@ impl GridSpace {
         let one_way = layers.one_way.map(|allowed| OneWay::new(layers.grid, allowed.to_vec())).transpose()?;
         let mut cells = things(layers);
         let zones = layers.zones.filter(|zones| zones.cells.iter().any(|&zone| zone != 0));
-        let seen = zones.map(|_| Layer::new(layers.grid, cells.clone()));
+        let seen = zones.map(|_| Arc::new(Layer::new(layers.grid, cells.clone())));
         for (cell, &zone) in cells.iter_mut().zip(zones.map_or(&[][..], |zones| &zones.cells)) {
             if zone != 0 && zones.is_none_or(|zones| zones.names.len() < usize::from(zone)) {
                 return Err(LayersError::Unnamed(zone));
@@ -117,23 +132,16 @@ impl GridSpace {
                 *cell = FIRST_ZONE.saturating_add(zone - 1);
             }
         }
-        let strip = |near: f64| Plate {
-            front_m: near + look_out.ahead_m,
-            rear_m: -near,
-            half_width_m: look_out.half_width_m,
-        };
-        let ahead = strip(car.front_m);
-        let astern = strip(car.rear_m);
-        let astern = Plate { front_m: astern.rear_m, rear_m: astern.front_m, ..astern };
-        Ok(Self {
-            car,
-            body: Plate { front_m: car.front_m, rear_m: car.rear_m, half_width_m: car.half_width_m },
-            strips: (look_out.ahead_m > 0.0).then_some([ahead, astern]),
-            all: Layer::new(layers.grid, cells),
-            seen,
-            one_way,
-            zones: zones.map_or_else(Vec::new, |zones| zones.names.clone()),
-        })
+        let zones = zones.map_or_else(Vec::new, |zones| zones.names.clone());
+        let (body, strips) = plates(&car, look_out);
+        Ok(Self { car, body, strips, all: Arc::new(Layer::new(layers.grid, cells)), seen, one_way, zones })
+    }
+
+    /// The same world for another car.
+    #[must_use]
+    pub fn with_car(&self, car: Car, look_out: LookOut) -> Self {
+        let (body, strips) = plates(&car, look_out);
+        Self { car, body, strips, ..self.clone() }
     }
 
     /// The distance field of everything, zones included.
@@ -144,7 +152,8 @@ impl GridSpace {
 
     /// Where the piece stops being free: the rectangle, the layer it touches something of, and the way.
     fn touch(&self, frame: &Frame, piece: &Piece) -> Option<(Plate, &Layer, f64)> {
-        let body = touch(&self.all, &self.body, frame, piece).map(|way| (self.body, &self.all, way));
+        let all = &*self.all;
+        let body = touch(all, &self.body, frame, piece).map(|way| (self.body, all, way));
         body.or_else(|| {
             let (strip, seen) = self.strip(piece)?;
             touch(seen, &strip, frame, piece).map(|way| (strip, seen, way))
@@ -154,7 +163,7 @@ impl GridSpace {
     /// The look-out strip in the gear of a piece, and what it keeps off.
     fn strip(&self, piece: &Piece) -> Option<(Plate, &Layer)> {
         let strip = self.strips.as_ref()?[usize::from(piece.gear() < 0.0)];
-        Some((strip, self.seen.as_ref().unwrap_or(&self.all)))
+        Some((strip, self.seen.as_deref().unwrap_or(&self.all)))
     }
 
     /// Whether there may be room around the reference point on all of a piece: by the distance field alone,
@@ -206,7 +215,7 @@ impl Space for GridSpace {
     }
 
     fn bounds(&self) -> Bounds {
-        let Layer { origin_m: low_m, resolution_m, width, height, .. } = self.all;
+        let Layer { origin_m: low_m, resolution_m, width, height, .. } = *self.all;
         let high_m = [low_m[0] + width as f64 * resolution_m, low_m[1] + height as f64 * resolution_m];
         Bounds { low_m, high_m }
     }
@@ -223,7 +232,7 @@ impl Space for GridSpace {
     fn drives_towards(&self, from: &MapPose, (sin, cos): (f64, f64), piece: &Piece) -> bool {
         let frame = Frame { x_m: from.x_m, y_m: from.y_m, sin, cos };
         self.car.gears.allow(piece.length_m)
-            && clear(&self.all, &self.body, &frame, piece)
+            && clear(&*self.all, &self.body, &frame, piece)
             && self.strip(piece).is_none_or(|(strip, seen)| clear(seen, &strip, &frame, piece))
             && self.against(from, piece).is_none()
     }
