@@ -2,7 +2,7 @@
 //! the other under traffic control: beside it stands what `xtb-traffic`'s example `hall` says of robots that follow
 //! their paths exactly.
 //!
-//! `cargo run --release -p xtb-sim --example hall -- ROBOTS MINUTES SEED`, in virtual time, on all cores. Pose fixes at
+//! `cargo run --release -p xtb-sim --example hall_trucks -- ROBOTS MINUTES SEED`, in virtual time, on all cores. Pose fixes at
 //! 2 Hz; a joint plan takes 0.5 s, whatever it costs.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
@@ -47,7 +47,7 @@ const ALONE_MIN: u64 = 120;
 fn main() {
     let number = |n| std::env::args().nth(n).and_then(|text| text.parse::<u64>().ok());
     let (Some(robots), Some(minutes), Some(seed)) = (number(1), number(2), number(3)) else {
-        panic!("hall ROBOTS MINUTES SEED");
+        panic!("hall_trucks ROBOTS MINUTES SEED");
     };
     let cores = Threads(std::thread::available_parallelism().map_or(1, NonZero::get));
     let mut alone = Hall::new(1, seed);
