@@ -27,6 +27,7 @@ impl Work {
             Figure::TenRobots => driving::wanderers(10, 1000),
             Figure::HundredRobots => driving::wanderers(100, 80),
             Figure::ThousandRobots => driving::wanderers(1000, 40),
+            Figure::TenWithGoals => driving::drivers(10, 400),
             Figure::BoardFrame => driving::board_frames(),
             Figure::StateMessage => driving::state_messages(),
             Figure::PlanOpen => planning::single_plans(RoomKind::Open),

@@ -24,6 +24,8 @@ pub enum Figure {
     HundredRobots,
     /// A thousand that wander.
     ThousandRobots,
+    /// Ten with planned goals, which hear each other and plan.
+    TenWithGoals,
     /// Frames of the I/O board, written and read.
     BoardFrame,
     /// A state, written and read.
@@ -50,13 +52,14 @@ pub enum Figure {
 
 impl Figure {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::ControllerStep,
         Self::RobotTurn,
         Self::OneRobot,
         Self::TenRobots,
         Self::HundredRobots,
         Self::ThousandRobots,
+        Self::TenWithGoals,
         Self::BoardFrame,
         Self::StateMessage,
         Self::PlanOpen,
@@ -90,6 +93,7 @@ impl Figure {
             Self::TenRobots => ("simulator, 10 robots", "robot-second"),
             Self::HundredRobots => ("simulator, 100 robots", "robot-second"),
             Self::ThousandRobots => ("simulator, 1000 robots", "robot-second"),
+            Self::TenWithGoals => ("simulator, 10 robots, planned goals", "robot-second"),
             Self::BoardFrame => ("board frame, encode and decode", "frame"),
             Self::StateMessage => ("state message, encode and decode", "message"),
             Self::PlanOpen => ("single plan, open room", "plan"),

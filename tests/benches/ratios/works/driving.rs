@@ -10,10 +10,10 @@ use xtb_control::{AdcCount, Command, Controller, Sample, Stamp, VehicleConfig};
 use xtb_protocol::Uuid;
 use xtb_protocol::board::{FrameReader, FrameWriter};
 use xtb_protocol::codec::{self, Format};
-use xtb_protocol::messages::{Body, Done, Lease, LinkLoss, Outcome, Request, RobotState, TruthRobot};
+use xtb_protocol::messages::{Body, Done, Lease, LinkLoss, Outcome, Request, RobotState, TruthRobot, Via};
 use xtb_robot::{Robot, RobotIdentity};
 use xtb_sim::lockstep::turn;
-use xtb_sim::{Lockstep, STEP_NS, Sequential, Simulation, Truck, TruckParameters, World};
+use xtb_sim::{Lockstep, MAP_RESOLUTION_M, STEP_NS, Sequential, Simulation, Truck, TruckParameters, World};
 
 /// Steps of the simulator until everything is set up.
 const BOOT_STEPS: usize = 400;
@@ -164,6 +164,27 @@ pub(super) fn wanderers(robots: usize, steps: usize) -> Work {
     let mut fleet = wandering(robots);
     let simulated_s = (steps as u64 * STEP_NS) as f64 * 1e-9;
     Work::new(robots as f64 * simulated_s, move || {
+        fleet.run(steps as u64, &Sequential);
+    })
+}
+
+/// The same with planned goals, another one for everybody each time: in turn on either side of the room.
+pub(super) fn drivers(robots: usize, steps: usize) -> Work {
+    let mut fleet = wandering(robots);
+    let map = fleet.simulation().world().to_map(MAP_RESOLUTION_M).expect("a room");
+    fleet.set_map(&map);
+    let simulated_s = (steps as u64 * STEP_NS) as f64 * 1e-9;
+    let mut time = 0_u128;
+    Work::new(robots as f64 * simulated_s, move || {
+        time += 1;
+        let side = if time.is_multiple_of(2) { 1.0 } else { -1.0 };
+        for robot in 0..robots {
+            let (x_m, y_m) = (5.0 * side, robot as f64 + 0.5 - robots as f64 / 2.0);
+            let (via, on_link_loss) = (Some(Via::Planned), LinkLoss::Finish);
+            let body = Body::Goto { x_m, y_m, yaw_rad: None, via, on_link_loss, finish_s: 300.0 };
+            let request = Request { id: Uuid::from_u128((time << 32) + robot as u128), lease: None, body };
+            fleet.request(robot, &name("bench"), &request);
+        }
         fleet.run(steps as u64, &Sequential);
     })
 }
