@@ -82,8 +82,8 @@ fn touching(grid: &Grid, blocked: impl Fn(usize) -> bool) -> Vec<bool> {
         row[0] = true;
         row[columns - 1] = true;
     }
-    for (row, column) in (0..grid.height()).flat_map(|row| (0..width).map(move |column| (row, column))) {
-        if blocked(row * width + column) {
+    for row in 0..grid.height() {
+        for column in (0..width).filter(|column| blocked(row * width + column)) {
             let first = row * columns + column;
             for corner in [first, first + 1, first + columns, first + columns + 1] {
                 corners[corner] = true;

@@ -30,6 +30,7 @@ use super::{LOOK_OUT_M, MARGIN_M, ROBOT_MARGIN_M};
 use crate::MapPose;
 use crate::geometry::{Path, apart_m};
 use crate::planner::Planner;
+use crate::planner::space::GridSpace;
 use caution::{CAUTION_LEVELS, CautionLevel, LEAST_CAREFUL};
 use search::{START_SLACK_M, Search, first_on};
 
@@ -107,13 +108,16 @@ impl Search<'_> {
             if same || (obstacles_known && index + 1 == CAUTION_LEVELS.len()) {
                 continue;
             }
-            let path = self.plan_observed(planner, level, unseen);
-            let path = match level.keeps_margin() {
-                true => path,
-                false => path.and_then(|path| self.with_room(planner, level, unseen, path)),
-            };
-            match path {
-                Ok(path) => return Ok(self.least_blind(planner, level, unseen, path)),
+            let planned = self.space(level, &self.seen, unseen).and_then(|space| {
+                let path = self.plan_observed(planner, level, &space, unseen)?;
+                let path = match level.keeps_margin() {
+                    true => path,
+                    false => self.with_room(planner, level, unseen, path)?,
+                };
+                Ok(self.least_blind(planner, level, &space, path))
+            });
+            match planned {
+                Ok(planned) => return Ok(planned),
                 Err(failure) => last = failure,
             }
             if index == 0
@@ -145,17 +149,22 @@ impl Search<'_> {
         }
     }
 
-    /// A path that leads the body nowhere near a thing where no beam looks first.
+    /// A path that leads the body nowhere near a thing where no beam looks first. `space` is the world as this level
+    /// has it, with `unseen`.
     fn plan_observed(
         &self,
         planner: &mut Planner,
         level: &CautionLevel,
+        space: &GridSpace,
         unseen: &[[f64; 2]],
     ) -> Result<Path, PlanFailure> {
         let mut unseen = unseen.to_vec();
         let mut at = None;
-        for _ in 0..ROUNDS {
-            let path = self.plan_with(planner, level, &self.seen, &unseen)?;
+        for round in 0..ROUNDS {
+            let path = match round {
+                0 => self.search(planner, space, &self.goal(), level.expansions)?,
+                _ => self.plan_with(planner, level, &self.seen, &unseen)?,
+            };
             let blind = self.blind(&path);
             if blind.is_empty() {
                 return Ok(path);

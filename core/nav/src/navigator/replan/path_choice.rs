@@ -39,23 +39,24 @@ struct Valued {
 }
 
 impl Search<'_> {
-    /// This path, or, where there is room, a better one with wider bends.
+    /// This path, or, where there is room, a better one with wider bends in the same world.
     pub(super) fn least_blind(
         &self,
         planner: &mut Planner,
         level: &CautionLevel,
-        unseen: &[[f64; 2]],
+        space: &GridSpace,
         path: Path,
     ) -> Planned {
-        let space = self.space(level, &self.seen, unseen).ok().filter(|_| path.length_m() <= MOST_M);
-        let Some(space) = space else { return Planned { path, to_vantage: false, expects_thin: true } };
-        let mut best = self.valued(path, &space);
+        if path.length_m() > MOST_M {
+            return Planned { path, to_vantage: false, expects_thin: true };
+        }
+        let mut best = self.valued(path, space);
         for wider in WIDER.into_iter().filter(|_| level.keeps_margin()) {
             let (car, look_out) = self.planned_car(level, wider);
             let wide = space.with_car(car, look_out);
             let Ok(path) = self.search(planner, &wide, &self.goal(), EXPANSIONS) else { continue };
             if self.blind(&path).is_empty() {
-                let other = self.valued(path, &space);
+                let other = self.valued(path, space);
                 best = if other.cost_s < best.cost_s { other } else { best };
             }
         }
