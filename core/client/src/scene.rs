@@ -216,7 +216,7 @@ impl Scene {
             (AnyMessage::Traffic(traffic), None) => self.traffic = Some(Received::new(at_ms, *traffic)),
             (AnyMessage::SimStats(stats), None) => {
                 self.simulators.retain(|_, seen| seen.age_ms(at_ms) <= SIMULATOR_STALE_MS);
-                if self.simulators.len() < MOST_SIMULATORS {
+                if self.simulators.len() < MOST_SIMULATORS || self.simulators.contains_key(&stats.first) {
                     self.simulators.insert(stats.first, Received::new(at_ms, *stats));
                 }
             }

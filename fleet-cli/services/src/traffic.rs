@@ -33,7 +33,7 @@ const TICK: Duration = Duration::from_millis(100);
 const CAR_WITHIN: Duration = Duration::from_millis(300);
 /// A joint plan ends by what it may expand; on a computer that is too slow for that, after so long. What was found by
 /// then counts, and who has had no turn is looked at in the next one.
-const PLAN_WITHIN: Duration = Duration::from_secs(10);
+const PLAN_WITHIN: Duration = Duration::from_secs(30);
 /// Every so many ticks it says what it does.
 const TELL_EVERY: u64 = 5;
 

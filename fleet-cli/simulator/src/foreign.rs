@@ -104,9 +104,9 @@ struct Lateness {
     last_s: f64,
     /// When the first one came.
     origin: Option<Instant>,
-    /// When the window began, and least time from sending to arrival in it and in the one before: each on a scale of
-    /// its own, in s.
+    /// When the window began, and the least time from sending to arrival in it, in s, plus what the clocks differ by.
     window: Option<(Instant, f64)>,
+    /// The same of the window before.
     before_s: Option<f64>,
 }
 

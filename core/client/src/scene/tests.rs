@@ -111,4 +111,6 @@ fn of_several_simulators_the_slowest_is_told_as_long_as_it_is_heard() {
         say(7000, Some(first), 1.0);
     }
     assert_eq!(scene.simulators.len(), MOST_SIMULATORS);
+    scene.take(7100, &key("xtb/lab/sim/stats"), slow.into());
+    assert_eq!(scene.slow_simulator(7100), Some(slow), "one that is known is heard in a crowd too");
 }
