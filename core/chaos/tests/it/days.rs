@@ -69,6 +69,12 @@ fn a_stick_that_is_pushed_after_a_stalled_loop_does_not_drive() {
 }
 
 #[test]
+fn a_joystick_of_which_only_a_late_setpoint_tells_that_it_is_held_does_not_drive() {
+    let report = day(1_400_087);
+    assert!(report.violation.is_none(), "{report}");
+}
+
+#[test]
 fn a_seed_is_one_history_whatever_else_runs() {
     let alone: Vec<DayReport> = (0..8).map(day).collect();
     assert_eq!(in_parallel(0..8, day), alone);

@@ -28,17 +28,18 @@ impl Agent {
             self.fenced += 1;
             return;
         }
-        if !self.is_fresh(now, at, setpoint) {
-            self.stale += 1;
-            return;
+        let fresh = self.is_fresh(now, at, setpoint);
+        if fresh {
+            self.last_seq = Some(setpoint.seq);
+            self.lease.heard(at);
         }
-        self.last_seq = Some(setpoint.seq);
-        self.lease.heard(at);
+        // One that is too old to drive still shows a joystick that is held, but none that was let go.
         let first = !std::mem::replace(&mut self.setpoint_seen, true);
+        let let_go = fresh && setpoint.rpm == 0.0;
         let overtaken = arrival < self.commanded_by && self.guards.on(Guard::Overtaken);
-        self.rearm &= overtaken || (setpoint.rpm != 0.0 && !first);
+        self.rearm &= overtaken || !(first || let_go);
         let held = self.rearm && self.guards.on(Guard::Rearm);
-        if overtaken || held || self.cannot_drive() {
+        if !fresh || overtaken || held || self.cannot_drive() {
             self.rearm |= self.cannot_drive();
             self.stale += 1;
             return;

@@ -3,7 +3,7 @@
 use crate::bench::*;
 use xtb_control::controller::{Mode, RemoteSample};
 use xtb_control::{PwmCount, VehicleConfig};
-use xtb_protocol::messages::{Body, EventKind, Fault, GoalStatus, Latch, RejectCode, StopReason};
+use xtb_protocol::messages::{Body, EventKind, Fault, GoalStatus, Latch, RejectCode, Setpoint, StopReason};
 use xtb_robot::line::PortTrouble;
 
 fn faults(bench: &mut Bench) -> Vec<Fault> {
@@ -98,6 +98,33 @@ fn manual_ends_what_the_network_asked_for_and_refuses_more() {
     bench.remote = sticks(938, AUTOMATIC);
     bench.run_ms(1000);
     assert_eq!((bench.motor, bench.state().mode), (PwmCount::NEUTRAL, Mode::Idle));
+}
+
+#[test]
+fn a_joystick_that_a_late_setpoint_showed_held_under_the_transmitter_has_to_be_let_go_first() {
+    let mut bench = Bench::new();
+    bench.remote = sticks(938, MANUAL);
+    bench.run_ms(100);
+    assert_eq!(bench.state().mode, Mode::Manual);
+    bench.lease_of(CLIENT);
+    let held = bench.fresh_setpoint(13.0);
+    bench.put(&Setpoint { echo_tick_ms: Some(bench.now.ms() - 301), ..held });
+    bench.remote = sticks(938, AUTOMATIC);
+    bench.run_ms(100);
+    assert_eq!(bench.state().mode, Mode::Idle);
+    let drives = |bench: &mut Bench| {
+        for _ in 0..10 {
+            bench.setpoint(13.0);
+            bench.run_ms(50);
+        }
+        bench.state().mode == Mode::Teleop
+    };
+    assert!(!drives(&mut bench));
+    let let_go = bench.fresh_setpoint(0.0);
+    bench.put(&Setpoint { echo_tick_ms: Some(bench.now.ms() - 301), ..let_go });
+    assert!(!drives(&mut bench), "a late one does not tell that it is let go now");
+    bench.setpoint(0.0);
+    assert!(drives(&mut bench));
 }
 
 #[test]
