@@ -64,6 +64,16 @@ impl Host {
         Ok(())
     }
 
+    /// Plugs the cable to another one in, or pulls it out.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn plug(&self, other: &Self, is_in: bool) {
+        let done =
+            self.ip(&["link", "set", &format!("to-{}", other.number), if is_in { "up" } else { "down" }]);
+        done.unwrap_or_else(|error| panic!("{error}"));
+    }
+
     fn ip(&self, arguments: &[&str]) -> Result<(), String> {
         run(self.command(Path::new("ip")).args(arguments))
     }

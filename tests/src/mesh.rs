@@ -1,10 +1,15 @@
 //! A fleet on three computers, each with a router, two robots and people at it. The routers form a mesh; one of
 //! them is killed. With identities or without.
 
+mod cuts;
+
+pub use cuts::{Cut, CutTotals, Cuts};
+
 use crate::hosts::{Host, hosts};
 use crate::processes::{Process, Signal, program};
 use crate::{eventually, name, robot_name};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -279,15 +284,28 @@ impl Site {
 
     /// Somebody at the third computer follows all robots.
     fn watch(&self, fleet: &HeardFleet) -> Process {
-        let states = FleetKeys::new(name("lab")).any_robot().state();
-        let mut command = self.cli(C, &self.nearest_first(C));
-        let mut process = Process::start(command.args(["watch", &states]).stdout(Stdio::piped()));
-        let output = process.0.stdout.take().unwrap_or_else(|| panic!("no output"));
         let fleet = fleet.clone();
+        let keys = FleetKeys::new(name("lab")).any_robot().state();
+        self.listen(C, &self.nearest_first(C), &keys, move |state: RobotState| {
+            lock(&fleet).entry(state.robot.clone()).or_default().take(state);
+        })
+    }
+
+    /// Somebody at this computer hears what comes under these keys.
+    fn listen<T: DeserializeOwned>(
+        &self,
+        host: usize,
+        routers: &str,
+        keys: &str,
+        each: impl Fn(T) + Send + 'static,
+    ) -> Process {
+        let mut command = self.cli(host, routers);
+        let mut process = Process::start(command.args(["watch", keys]).stdout(Stdio::piped()));
+        let output = process.0.stdout.take().unwrap_or_else(|| panic!("no output"));
         std::thread::spawn(move || {
             for line in BufReader::new(output).lines().map_while(Result::ok) {
                 if let Ok(Line { value }) = serde_json::from_str(&line) {
-                    lock(&fleet).entry(value.robot.clone()).or_default().take(value);
+                    each(value);
                 }
             }
         });
@@ -327,6 +345,6 @@ fn issue(hosts: &[Host]) -> TempDir {
 
 /// A message as `watch` prints it.
 #[derive(Debug, Deserialize)]
-struct Line {
-    value: RobotState,
+struct Line<T> {
+    value: T,
 }

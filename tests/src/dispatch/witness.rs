@@ -24,12 +24,14 @@ pub struct Reached {
     pub goal: Uuid,
 }
 
+/// Which events came, and the goals that they tell of.
 type Heard = (BTreeSet<(Name, u64, u64)>, Vec<Reached>);
 
 /// Hears all robots' events.
+#[derive(Clone, Default)]
 pub struct Witness {
     heard: Arc<Mutex<Heard>>,
-    _subscription: Subscription,
+    _subscription: Option<Arc<Subscription>>,
 }
 
 impl Witness {
@@ -38,21 +40,26 @@ impl Witness {
     /// # Panics
     /// If Zenoh fails.
     pub async fn listen(bus: &Bus) -> Self {
-        let heard = Arc::<Mutex<Heard>>::default();
-        let list = heard.clone();
+        let witness = Self::default();
+        let hears = witness.clone();
         let key = FleetKeys::new(name("lab")).any_robot().event();
         let subscription = bus.subscribe_events(&key, move |incoming| {
-            let Ok(Event { robot, epoch, seq, kind, .. }) = incoming.decode::<Event>() else { return };
-            let mut heard = list.lock().unwrap_or_else(PoisonError::into_inner);
-            // Events may come again: each counts once.
-            if heard.0.insert((robot.clone(), epoch, seq))
-                && let EventKind::Goal { id, status: GoalStatus::Reached, .. } = kind
-            {
-                heard.1.push(Reached { robot, at: Instant::now(), goal: id });
+            if let Ok(event) = incoming.decode() {
+                hears.take(event);
             }
         });
         let subscription = subscription.await.unwrap_or_else(|error| panic!("{error}"));
-        Self { heard, _subscription: subscription }
+        Self { _subscription: Some(Arc::new(subscription)), ..witness }
+    }
+
+    /// An event came, perhaps again: each counts once.
+    pub fn take(&self, Event { robot, epoch, seq, kind, .. }: Event) {
+        let mut heard = self.heard.lock().unwrap_or_else(PoisonError::into_inner);
+        if heard.0.insert((robot.clone(), epoch, seq))
+            && let EventKind::Goal { id, status: GoalStatus::Reached, .. } = kind
+        {
+            heard.1.push(Reached { robot, at: Instant::now(), goal: id });
+        }
     }
 
     /// All goals that were reached, as they were heard.
