@@ -7,7 +7,7 @@ use crate::dispatch::{Witness, Written};
 use crate::hosts::hosts;
 use crate::processes::Process;
 use crate::{PATIENCE, eventually, name, robot_name};
-use rand_core::RngCore;
+use rand_core::Rng;
 use rand_pcg::Pcg32;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
