@@ -5,8 +5,8 @@
 //! WHAT is one of
 //!
 //! - `kill`: the dispatcher's process, 0 to 1.5 s after it was ready (1,000 times; the world at 4 times real time)
-//! - `standby`: the dispatcher's process and its stand-by's in turns, 0 to 1.5 s after they were a pair (200 times;
-//!   the world at 4 times real time)
+//! - `standby`: the dispatcher's process and its stand-by's in turns, 0 to 1.5 s after they were a pair, each second
+//!   time two of them within 0.8 s (200 times; the world at 4 times real time)
 //! - `robots`: the robots' agents, one at a time (1,000 times; the world at real time)
 //! - `cuts`: cables between three computers (network namespaces) with two robots each, a dispatcher at one and its
 //!   stand-by at another one, for 0.3 to 10 s each (100 times; real time)

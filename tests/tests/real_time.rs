@@ -6,7 +6,7 @@
 
 use fleet_tests::identities::{Access, Pki};
 use fleet_tests::load::{self, Flood};
-use fleet_tests::mesh::Mesh;
+use fleet_tests::mesh::{Cut, Cuts, Mesh};
 use fleet_tests::processes::RouterProcess;
 use fleet_tests::slow_link::{LinkQuality, SlowLink};
 use fleet_tests::{Rig, eventually, name};
@@ -141,6 +141,20 @@ async fn robots_of_a_dead_router_go_on_at_another_one_and_the_others_do_not_noti
         assert_eq!(failover.halting.status, GoalStatus::Failed, "{failover:?}");
         mesh.lists_all().await;
         mesh.restart_router().await;
+    }
+}
+
+/// The cable between a dispatcher and its stand-by; its computer, so that the stand-by takes over; and that computer again,
+/// now of the stand-by.
+#[tokio::test(flavor = "multi_thread")]
+async fn of_two_dispatchers_without_a_link_at_most_one_goes_on_and_no_task_is_lost() {
+    let _alone = MACHINE.lock().await;
+    let folder = tempfile::tempdir().unwrap();
+    let long = Duration::from_secs(8);
+    let cuts = Cuts(vec![(Cut::Cable(0, 1), long / 2), (Cut::Host(0), long), (Cut::Host(0), long)]);
+    match cuts.pass(folder.path(), |_| ()).await {
+        Ok(totals) => assert!(totals.is_kept() && totals.term == 1, "{totals}"),
+        Err(why) => skip(&format!("no network namespaces here: {why}")),
     }
 }
 

@@ -1,8 +1,8 @@
 //! A dispatcher and its stand-by as processes on two ledgers, either of which may be killed.
 
 use super::{Asker, Serve};
-use crate::eventually;
 use crate::processes::{Process, Signal};
+use crate::{PATIENCE, eventually};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -40,9 +40,13 @@ impl ServePair {
     /// # Panics
     /// If it never does.
     pub async fn paired(&self) {
-        let output = self.ledger(false).with_extension("out");
-        let says_so = |text: &String| text.lines().last().is_some_and(|line| line.contains("\"paired\""));
-        eventually("a pair", || async { std::fs::read_to_string(&output).ok().filter(says_so) }).await;
+        let standby = 1 - self.active;
+        eventually("a pair", || async { self.says_paired(standby).then_some(()) }).await;
+    }
+
+    fn says_paired(&self, number: usize) -> bool {
+        let output = std::fs::read_to_string(self.ledgers[number].with_extension("out"));
+        output.is_ok_and(|text| text.lines().last().is_some_and(|line| line.contains("\"paired\"")))
     }
 
     /// `kill -9` of the dispatcher: how long it took until the stand-by had taken over. What was killed starts
@@ -79,6 +83,36 @@ impl ServePair {
         kill(&mut self.processes[other]);
         self.processes[other] = begin(&self.endpoint, &self.ledgers[other], true);
         self.paired().await;
+    }
+
+    /// `kill -9` of the stand-by, and, so long after it has been started again, perhaps before both are a pair, of the
+    /// dispatcher or of the stand-by once more. The dispatcher starts as one; who ends, because the other one had
+    /// taken over, as the stand-by.
+    ///
+    /// # Panics
+    /// If they are no pair then.
+    pub async fn kill_before_paired(&mut self, of_active: bool, after: Duration) {
+        let standby = 1 - self.active;
+        let victim = self.number(of_active);
+        kill(&mut self.processes[standby]);
+        self.processes[standby] = begin(&self.endpoint, &self.ledgers[standby], true);
+        tokio::time::sleep(after).await;
+        kill(&mut self.processes[victim]);
+        self.processes[victim] = begin(&self.endpoint, &self.ledgers[victim], !of_active);
+        let give_up = Instant::now() + PATIENCE;
+        loop {
+            for number in 0..2 {
+                if !self.processes[number].runs() {
+                    self.processes[number] = begin(&self.endpoint, &self.ledgers[number], true);
+                }
+            }
+            if let Some(standby) = (0..2).find(|&number| self.says_paired(number)) {
+                self.active = 1 - standby;
+                return;
+            }
+            assert!(Instant::now() < give_up, "no pair");
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
     }
 
     /// Sends the dispatcher, or its stand-by, a signal.

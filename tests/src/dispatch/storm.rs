@@ -29,6 +29,8 @@ const REACH_M: f64 = 3.2;
 const LONGEST_LIFE_MS: u32 = 1_500;
 /// Every third victim falls this soon after a submission has left, in ms, at the latest: while it is written.
 const SOON_MS: u32 = 20;
+/// Both of a pair are killed within this: a stand-by that starts again is usually paired after half of it.
+const UNPAIRED_MS: u32 = 800;
 /// Between two submissions, in ms, at most.
 const LONGEST_PAUSE_MS: u32 = 800;
 /// A submission is given this long: the dispatcher is killed again and again meanwhile.
@@ -209,7 +211,10 @@ impl Storm {
                 () = left.notified(), if kill % 3 == 2 => tokio::time::sleep(soon).await,
             }
             match self.whom {
-                Whom::Dispatcher | Whom::Pair => ready.extend(serve.kill(kill, &asker).await),
+                Whom::Dispatcher | Whom::Pair => {
+                    let again = millis(&mut dice, UNPAIRED_MS);
+                    ready.extend(serve.kill(kill, again, &asker).await);
+                }
                 Whom::Robots => {
                     let number = dice.next_u32() as usize % self.robots + 1;
                     killed.push((name(&format!("xtb-{number}")), Instant::now()));
@@ -260,17 +265,21 @@ impl Dispatchers {
         }
     }
 
-    /// Kills one; how long it took until there was a dispatcher again.
-    async fn kill(&mut self, number: usize, asker: &Asker) -> Option<Duration> {
+    /// Kills one, or of a pair also both, the second one so long after the first one has been started `again`; how
+    /// long it took until there was a dispatcher again.
+    async fn kill(&mut self, number: usize, again: Duration, asker: &Asker) -> Option<Duration> {
         match self {
             Self::One(serve) => {
                 serve.kill();
                 serve.restart();
                 Some(serve.ready_within)
             }
-            Self::Two(pair) if number.is_multiple_of(2) => Some(pair.kill_active(asker).await),
             Self::Two(pair) => {
-                pair.restart_standby().await;
+                match number % 4 {
+                    0 => return Some(pair.kill_active(asker).await),
+                    1 => pair.restart_standby().await,
+                    kind => pair.kill_before_paired(kind == 2, again).await,
+                }
                 None
             }
         }

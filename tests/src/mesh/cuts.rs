@@ -222,7 +222,13 @@ impl SplitFleet {
             if paired && self.dispatchers.iter_mut().all(Process::runs) {
                 return began.elapsed();
             }
-            assert!(began.elapsed() < PATIENCE, "no pair: {:?}", status(&self.site).await);
+            if began.elapsed() >= PATIENCE {
+                let said = self
+                    .ledgers
+                    .each_ref()
+                    .map(|ledger| std::fs::read_to_string(ledger.with_extension("out")).unwrap_or_default());
+                panic!("no pair; the first dispatcher said\n{}the second one\n{}", said[A], said[B]);
+            }
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     }
