@@ -41,11 +41,13 @@ pub enum Cut {
 }
 
 impl Cut {
+    /// Where each is pulled out, and what is at its other end: that end only loses its carrier, as it does when a
+    /// switch dies, and a computer that is cut off still reaches itself.
     fn cables(self) -> Vec<(usize, usize)> {
         match self {
             Self::Cable(one, other) => vec![(one, other)],
             Self::Host(host) => {
-                (0..HOSTS).filter(|other| *other != host).map(|other| (host, other)).collect()
+                (0..HOSTS).filter(|other| *other != host).map(|other| (other, host)).collect()
             }
         }
     }
@@ -227,7 +229,16 @@ impl SplitFleet {
                     .ledgers
                     .each_ref()
                     .map(|ledger| std::fs::read_to_string(ledger.with_extension("out")).unwrap_or_default());
-                panic!("no pair; the first dispatcher said\n{}the second one\n{}", said[A], said[B]);
+                let mut seen = Vec::new();
+                for host in [A, B, C] {
+                    seen.push(
+                        ask::<Status>(&self.site, host, &["dispatch", "status"].map(str::to_owned)).await,
+                    );
+                }
+                panic!(
+                    "no pair: {seen:?}; the first dispatcher said\n{}the second one\n{}",
+                    said[A], said[B]
+                );
             }
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
