@@ -3,9 +3,11 @@
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
 use std::time::{Duration, Instant};
-use xtb_bus::{Bus, SessionRole};
+use xtb_bus::{Bus, Question, Service, SessionRole};
 use xtb_protocol::Name;
+use xtb_protocol::codec::Format;
 use xtb_protocol::keys::FleetKeys;
+use xtb_protocol::messages::{Roster, RosterEntry};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 const WITHIN: Duration = Duration::from_secs(2);
@@ -73,4 +75,40 @@ async fn a_robot_whose_router_ends_goes_on_at_the_next_of_its_list() {
         asker.alive(&presence(), WITHIN).await.unwrap() == [presence()]
     })
     .await;
+}
+
+/// A dispatcher whose stand-by has taken over, or a robot that has gone to another router: both routers know of a queryable
+/// under one key for a while.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_queryable_that_another_router_had_too_is_known_to_a_router_that_links_later() {
+    let first = router(ANYWHERE, &[]).await;
+    let second = router(ANYWHERE, &first.locators().await).await;
+    let key = FleetKeys::new(Name::new("lab").unwrap()).robot(&Name::new("xtb-1").unwrap()).about();
+    let asks = async |router: &Bus| {
+        let asker = client(&router.locators().await).await;
+        let answers = asker.get(&key, WITHIN).await.unwrap();
+        let who = answers.into_iter().filter_map(|answer| answer.decode::<Roster>().ok()?.robots.pop());
+        who.map(|entry| entry.name.to_string()).collect::<Vec<_>>()
+    };
+    let elsewhere = client(&first.locators().await).await;
+    let left = serve(&elsewhere, &key, "xtb-1").await;
+    eventually("the first answer", async || asks(&second).await == ["xtb-1"]).await;
+    let here = client(&second.locators().await).await;
+    let _stays = serve(&here, &key, "xtb-2").await;
+    eventually("the second answer", async || asks(&second).await.contains(&"xtb-2".to_owned())).await;
+    drop(left);
+    eventually("it alone", async || asks(&first).await == ["xtb-2"]).await;
+    let third = router(ANYWHERE, &second.locators().await).await;
+    eventually("its answer through a new link", async || asks(&third).await == ["xtb-2"]).await;
+}
+
+/// Answers with a roster of this robot.
+async fn serve(bus: &Bus, key: &str, robot: &str) -> Service {
+    let (runtime, own) = (tokio::runtime::Handle::current(), key.to_owned());
+    let entry = RosterEntry { name: Name::new(robot).unwrap(), tags: Vec::new(), start_pose: None };
+    let each = move |question: Question| {
+        let (own, roster) = (own.clone(), Roster { robots: vec![entry.clone()] });
+        runtime.spawn(async move { question.reply(&own, &roster, Format::Json).await.unwrap() });
+    };
+    bus.serve(key, each).await.unwrap()
 }
