@@ -225,23 +225,22 @@ impl SplitFleet {
                 return began.elapsed();
             }
             if began.elapsed() >= PATIENCE {
-                let said = self
-                    .ledgers
-                    .each_ref()
-                    .map(|ledger| std::fs::read_to_string(ledger.with_extension("out")).unwrap_or_default());
-                let mut seen = Vec::new();
-                for host in [A, B, C] {
-                    seen.push(
-                        ask::<Status>(&self.site, host, &["dispatch", "status"].map(str::to_owned)).await,
-                    );
-                }
-                panic!(
-                    "no pair: {seen:?}; the first dispatcher said\n{}the second one\n{}",
-                    said[A], said[B]
-                );
+                panic!("no pair: {}", self.describe().await);
             }
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
+    }
+
+    /// What each computer sees, and what the dispatchers said.
+    async fn describe(&self) -> String {
+        let mut text = String::new();
+        for host in [A, B, C] {
+            text += &format!("{:?}\n", status_at(&self.site, host).await);
+        }
+        for ledger in &self.ledgers {
+            text += &std::fs::read_to_string(ledger.with_extension("out")).unwrap_or_default();
+        }
+        text
     }
 
     async fn reckon(&mut self, told: Told, totals: &mut CutTotals) {
@@ -285,8 +284,8 @@ fn serve(site: &Site, host: usize, ledger: &Path, standby: bool) -> Process {
     if standby {
         command.arg("--standby");
     }
-    let file = |ending| File::create(ledger.with_extension(ending)).unwrap_or_else(|error| panic!("{error}"));
-    Process::start(command.stdout(file("out")))
+    let output = File::create(ledger.with_extension("out")).unwrap_or_else(|error| panic!("{error}"));
+    Process::start(command.stdout(output))
 }
 
 /// What `dispatch status` says, as far as it is of interest here.
@@ -310,7 +309,11 @@ impl Status {
 
 /// As seen from the third computer.
 async fn status(site: &Arc<Site>) -> Option<Status> {
-    ask(site, C, &["dispatch", "status"].map(str::to_owned)).await
+    status_at(site, C).await
+}
+
+async fn status_at(site: &Arc<Site>, host: usize) -> Option<Status> {
+    ask(site, host, &["dispatch", "status"].map(str::to_owned)).await
 }
 
 /// What a verb prints at this computer, if it succeeds.
