@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Says that it is in its namespace, and holds it for longer than any test takes.
-const HOLD: &str = "ip link set lo up && echo ready && exec sleep 900";
+const HOLD: &str = "ip link set lo up && echo ready && exec sleep 3600";
 
 /// One computer.
 pub struct Host {

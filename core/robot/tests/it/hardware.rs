@@ -103,6 +103,8 @@ fn manual_ends_what_the_network_asked_for_and_refuses_more() {
 #[test]
 fn a_joystick_that_a_late_setpoint_showed_held_under_the_transmitter_has_to_be_let_go_first() {
     let mut bench = Bench::new();
+    bench.remote = sticks(938, AUTOMATIC);
+    bench.run_ms(300);
     bench.remote = sticks(938, MANUAL);
     bench.run_ms(100);
     assert_eq!(bench.state().mode, Mode::Manual);
