@@ -1,8 +1,8 @@
 //! Measures a simulated fleet as people use it: the tables of docs/simulator.md.
-//! `cargo build --release --workspace && cargo run --release -p fleet-tests --example thousand [wander|drive] [N…]`
+//! `cargo build --release --workspace && cargo run --release -p fleet-tests --example thousand [wander|drive] [split] [N…]`
 //!
-//! For each number of robots a `fleet-cli sim` as a process of its own, whose robots all wander, or drive alone to
-//! planned goals (pairs of neighbours swap their places, again and again). Measured from outside: states, CPU time,
+//! For each number of robots a `fleet-cli sim` as a process of its own, or with `split` two that each move half of them
+//! in one world; all wander, or drive alone to planned goals (pairs of neighbours swap their places, again and again). Measured from outside: states, CPU time,
 //! memory, `list`, the page, and the time from `stop --all` until the last truck's motor is neutral, by the ground
 //! truth. This program and the commands that it runs take their part of the same machine.
 //!
@@ -10,74 +10,57 @@
 
 #![allow(clippy::print_stdout)] // a measurement's table
 
-use fleet_tests::name;
-use fleet_tests::processes::{Process, program};
+#[path = "thousand/fleet.rs"]
+mod fleet;
+
+use fleet::{LOOK_EVERY, PATIENCE, Result, Witness, Work, cli, simulators, until};
+use fleet_tests::processes::Process;
 use rustix::param::clock_ticks_per_second;
 use serde_json::json;
-use std::collections::BTreeMap;
-use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::process::Stdio;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use tokio::task::JoinSet;
-use xtb_bus::{Bus, Incoming, SessionRole, Subscription};
-use xtb_protocol::keys::{FleetKeys, RobotKeys};
-use xtb_protocol::messages::{Body, Done, Lease, LinkLoss, Outcome, Request, RobotState, Roster, Truth, Via};
-use xtb_protocol::{Name, Uuid};
 
-const FLEET: &str = "lab";
 const SIZES: [usize; 5] = [50, 100, 200, 500, 1000];
 /// States that a robot sends in a second.
 const STATE_HZ: f64 = 20.0;
 /// Until the figures settle, and how long they are taken.
 const SETTLE: Duration = Duration::from_secs(10);
 const WINDOW: Duration = Duration::from_secs(20);
-/// For what should take a second.
-const PATIENCE: Duration = Duration::from_secs(60);
-const LOOK_EVERY: Duration = Duration::from_millis(20);
-const ASK_WITHIN: Duration = Duration::from_secs(5);
-/// Robots that are asked at the same time.
-const AT_ONCE: usize = 32;
 /// How often each command is measured; the median counts.
 const TIMES: usize = 5;
 /// The real time factors that are promised on 2 cores, for this many robots.
 const FLOORS: [(usize, f64); 2] = [(500, 0.9), (1000, 0.5)];
 
-type Result<T> = std::result::Result<T, Box<dyn std::error::Error + Send + Sync>>;
-
-/// What all robots do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Work {
-    Wander,
-    Drive,
-}
-
 #[tokio::main]
 async fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let work = if arguments.iter().any(|it| it == "drive") { Work::Drive } else { Work::Wander };
+    let has = |word: &str| arguments.iter().any(|it| it == word);
+    let work = if has("drive") { Work::Drive } else { Work::Wander };
+    let parts = if has("split") { 2 } else { 1 };
     let mut sizes: Vec<usize> = arguments.iter().filter_map(|it| it.parse().ok()).collect();
     if sizes.is_empty() {
         sizes = SIZES.to_vec();
     }
     let cores = std::thread::available_parallelism()?;
-    println!("All robots {work:?}; {cores} cores, load {} before.\n", load());
+    println!("All robots {work:?}, simulators: {parts}; {cores} cores, load {} before.\n", load());
     println!(
         "| robots | ready | real time | states of those due | of those sent | CPU, cores | RSS, MiB | MiB a robot | threads | `list` | page, all robots | a look at `/metrics` | drive at the stop | `stop --all` | last motor neutral | contacts |"
     );
     println!("|{}", " ---: |".repeat(16));
     let mut rows = Vec::new();
     for robots in sizes {
-        match measure(robots, work).await {
+        match measure(robots, parts, work).await {
             Ok(row) => rows.push(row),
             Err(error) => println!("| {robots} | **{error}** |{}", " |".repeat(14)),
         }
     }
     println!();
     for row in &rows {
-        println!("{}", row.json(work, cores.get()));
+        println!("{}", row.json(work, parts, cores.get()));
         for (robots, floor) in FLOORS {
             if row.robots == robots && row.real_time < floor {
                 println!(
@@ -146,9 +129,9 @@ impl Row {
         );
     }
 
-    fn json(&self, work: Work, cores: usize) -> serde_json::Value {
+    fn json(&self, work: Work, parts: usize, cores: usize) -> serde_json::Value {
         json!({
-            "robots": self.robots, "work": format!("{work:?}"), "machine_cores": cores, "load": self.load,
+            "robots": self.robots, "work": format!("{work:?}"), "simulators": parts, "machine_cores": cores, "load": self.load,
             "ready_s": self.ready_s, "real_time": self.real_time, "states_of_due": self.of_due,
             "states_of_sent": self.of_sent, "cpu_cores": self.cores, "rss_mib": self.rss_mib,
             "threads": self.threads, "list_s": self.list_s, "list_code": self.list_code,
@@ -158,31 +141,27 @@ impl Row {
     }
 }
 
-async fn measure(robots: usize, work: Work) -> Result<Row> {
+async fn measure(robots: usize, parts: usize, work: Work) -> Result<Row> {
     let load = load();
     let began = Instant::now();
-    let mut command = cli(&["sim", "--listen", "tcp/127.0.0.1:0", "--robots", &robots.to_string()]);
-    let (sim, line) = tokio::task::spawn_blocking(move || Process::start_ready(&mut command)).await?;
-    let endpoint =
-        line.split('"').find(|part| part.starts_with("tcp/")).ok_or("the simulator does not start")?;
-    let endpoint = endpoint.to_owned();
+    let (sims, endpoint) = simulators(robots, parts).await?;
     let ready_s = began.elapsed().as_secs_f64();
-    let fleet = Arc::new(Witness::open(&endpoint).await?);
+    let fleet = Arc::new(Witness::open(&endpoint, parts).await?);
     let worker = tokio::spawn(fleet.clone().employ(work));
     // Where all plan alone in a crowd, most wait for others: as many as drive by then.
     let _ = until("a quarter of the robots drives", || fleet.moving() * 4 >= robots).await;
     tokio::time::sleep(SETTLE).await;
 
-    let before = (Instant::now(), cpu_s(&sim)?, fleet.time_s());
+    let before = (Instant::now(), cpu_s(&sims)?, fleet.time_s());
     fleet.count_states(true);
     tokio::time::sleep(WINDOW).await;
     fleet.count_states(false);
     let window_s = before.0.elapsed().as_secs_f64();
-    let cores = (cpu_s(&sim)? - before.1) / window_s;
+    let cores = (cpu_s(&sims)? - before.1) / window_s;
     let real_time = (fleet.time_s() - before.2) / window_s;
     let (delivered, sent) = fleet.counted();
-    let rss_mib = sim.memory_kib() as f64 / 1024.0;
-    let threads = threads(&sim)?;
+    let rss_mib = sims.iter().map(Process::memory_kib).sum::<u64>() as f64 / 1024.0;
+    let threads = sims.iter().map(threads).sum::<Result<u64>>()?;
 
     let (list_s, list_code) = run(&endpoint, &["list"], TIMES).await?;
     let (page_s, look_s) = page(&endpoint, robots).await?;
@@ -220,193 +199,6 @@ async fn measure(robots: usize, work: Work) -> Result<Row> {
     };
     row.print();
     Ok(row)
-}
-
-/// The states of one robot within the window.
-#[derive(Debug, Default)]
-struct Seen {
-    count: u64,
-    first: Option<Incoming>,
-    last: Option<Incoming>,
-}
-
-#[derive(Debug, Default)]
-struct Heard {
-    truth: Option<Truth>,
-    counts: bool,
-    states: BTreeMap<String, Seen>,
-}
-
-/// A client that hears everything and gives the robots something to do.
-struct Witness {
-    bus: Bus,
-    keys: FleetKeys,
-    me: Name,
-    roster: Roster,
-    heard: Arc<Mutex<Heard>>,
-    /// Nobody is sent anywhere any more.
-    is_over: AtomicBool,
-    _subscriptions: [Subscription; 2],
-}
-
-fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
-    heard.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl Witness {
-    async fn open(endpoint: &str) -> Result<Self> {
-        let keys = FleetKeys::new(name(FLEET));
-        let bus = xtb_bus::open(&SessionRole::Client { connect: vec![endpoint.to_owned()] }).await?;
-        let heard = Arc::<Mutex<Heard>>::default();
-        let (truths, states) = (heard.clone(), heard.clone());
-        let truth = move |incoming: Incoming| {
-            if let Ok(truth) = incoming.decode::<Truth>() {
-                lock(&truths).truth = Some(truth);
-            }
-        };
-        // Decoded afterwards: this machine is busy enough.
-        let state = move |incoming: Incoming| {
-            let mut heard = lock(&states);
-            if !heard.counts {
-                return;
-            }
-            let seen = heard.states.entry(incoming.key.clone()).or_default();
-            seen.count += 1;
-            if seen.first.is_none() {
-                seen.first = Some(incoming);
-            } else {
-                seen.last = Some(incoming);
-            }
-        };
-        let subscriptions = [
-            bus.subscribe(&keys.sim_truth(), truth).await?,
-            bus.subscribe(&keys.any_robot().state(), state).await?,
-        ];
-        let rosters = bus.get(&keys.sim_roster(), ASK_WITHIN).await?;
-        let roster = rosters.first().ok_or("no roster")?.decode::<Roster>()?;
-        Ok(Self {
-            bus,
-            keys,
-            me: name("thousand"),
-            roster,
-            heard,
-            is_over: AtomicBool::new(false),
-            _subscriptions: subscriptions,
-        })
-    }
-
-    /// Gives all robots something to do, and those that have done it something new, until it is over.
-    async fn employ(self: Arc<Self>, work: Work) {
-        for round in 0.. {
-            let mut asking = JoinSet::new();
-            for index in 0..self.roster.robots.len() {
-                if asking.len() >= AT_ONCE {
-                    let _ = asking.join_next().await;
-                }
-                let fleet = self.clone();
-                asking.spawn(async move { fleet.send(index, work, round).await });
-            }
-            while asking.join_next().await.is_some() {}
-            let rested = Instant::now() + SETTLE;
-            while work == Work::Wander || Instant::now() < rested {
-                if self.is_over.load(Ordering::Relaxed) {
-                    return;
-                }
-                tokio::time::sleep(LOOK_EVERY).await;
-            }
-        }
-    }
-
-    /// Sends a robot on its way.
-    async fn send(&self, index: usize, work: Work, round: usize) {
-        if self.is_over.load(Ordering::Relaxed) {
-            return;
-        }
-        let (on_link_loss, finish_s) = (LinkLoss::Finish, 3600.0);
-        let robots = &self.roster.robots;
-        // In pairs; one that has no neighbour goes home.
-        let other = if index ^ 1 < robots.len() { index ^ 1 } else { index };
-        let place =
-            robots[if round.is_multiple_of(2) { other } else { index }].start_pose.unwrap_or_default();
-        let body = match work {
-            Work::Wander => Body::Wander { for_s: None, on_link_loss, finish_s },
-            Work::Drive => Body::Goto {
-                x_m: place.x_m,
-                y_m: place.y_m,
-                yaw_rad: None,
-                via: Some(Via::Planned),
-                on_link_loss,
-                finish_s,
-            },
-        };
-        let robot = self.keys.robot(&robots[index].name);
-        if let Some(Outcome::Ok(Done { lease, .. })) =
-            self.ask(&robot, None, Body::Acquire { take: true }).await
-        {
-            // One that is busy with another robot in its way is asked again in the next round.
-            let _ = self.ask(&robot, lease, body).await;
-        }
-    }
-
-    async fn ask(&self, robot: &RobotKeys, lease: Option<Lease>, body: Body) -> Option<Outcome> {
-        let request = Request { id: Uuid::new_v4(), lease, body };
-        let answered = self.bus.ask(robot, &self.me, &request, ASK_WITHIN).await;
-        answered.ok().flatten().map(|reply| reply.result)
-    }
-
-    fn count_states(&self, counts: bool) {
-        lock(&self.heard).counts = counts;
-    }
-
-    /// States that came within the window, and how many the robots numbered meanwhile.
-    fn counted(&self) -> (u64, u64) {
-        let heard = lock(&self.heard);
-        let seq = |incoming: &Option<Incoming>| {
-            let state = incoming.as_ref()?.decode::<RobotState>();
-            state.ok().map(|state| state.seq)
-        };
-        let sent = |seen: &Seen| match (seq(&seen.first), seq(&seen.last)) {
-            (Some(first), Some(last)) => last.saturating_sub(first) + 1,
-            _ => seen.count,
-        };
-        (heard.states.values().map(|seen| seen.count).sum(), heard.states.values().map(sent).sum())
-    }
-
-    fn time_s(&self) -> f64 {
-        lock(&self.heard).truth.as_ref().map_or(0.0, |truth| truth.t_s)
-    }
-
-    fn moving(&self) -> usize {
-        let heard = lock(&self.heard);
-        let robots = heard.truth.iter().flat_map(|truth| truth.robots.values());
-        robots.filter(|robot| robot.neutral_since_s.is_none()).count()
-    }
-
-    fn is_neutral(&self) -> bool {
-        self.moving() == 0
-    }
-
-    fn contacts(&self) -> u64 {
-        let heard = lock(&self.heard);
-        heard.truth.iter().flat_map(|truth| truth.robots.values()).map(|robot| robot.contacts).sum()
-    }
-}
-
-async fn until(what: &str, is: impl Fn() -> bool) -> Result<()> {
-    let give_up = Instant::now() + PATIENCE;
-    while !is() {
-        if Instant::now() > give_up {
-            return Err(format!("not within {PATIENCE:?}: {what}").into());
-        }
-        tokio::time::sleep(LOOK_EVERY).await;
-    }
-    Ok(())
-}
-
-fn cli(arguments: &[&str]) -> Command {
-    let mut command = Command::new(program("fleet-cli"));
-    command.arg("--json").args(arguments);
-    command
 }
 
 /// The median time of a command, and the worst exit code.
@@ -463,13 +255,16 @@ async fn look(address: &str) -> Result<String> {
     Ok(String::from_utf8_lossy(&text).into_owned())
 }
 
-/// CPU time that a process has used so far, in s.
-fn cpu_s(process: &Process) -> Result<f64> {
-    let text = std::fs::read_to_string(format!("/proc/{}/stat", process.0.id()))?;
-    // The fields after the name in parentheses, from the third on; user and system time are the 14th and 15th.
-    let fields = text.rsplit_once(')').ok_or("no /proc/PID/stat")?.1.split_whitespace();
-    let ticks: Vec<u64> = fields.skip(11).take(2).filter_map(|field| field.parse().ok()).collect();
-    Ok(ticks.iter().sum::<u64>() as f64 / clock_ticks_per_second() as f64)
+/// CPU time that the processes have used so far, in s.
+fn cpu_s(processes: &[Process]) -> Result<f64> {
+    let mut ticks = 0;
+    for process in processes {
+        let text = std::fs::read_to_string(format!("/proc/{}/stat", process.0.id()))?;
+        // The fields after the name in parentheses, from the third on; user and system time are the 14th and 15th.
+        let fields = text.rsplit_once(')').ok_or("no /proc/PID/stat")?.1.split_whitespace();
+        ticks += fields.skip(11).take(2).filter_map(|field| field.parse::<u64>().ok()).sum::<u64>();
+    }
+    Ok(ticks as f64 / clock_ticks_per_second() as f64)
 }
 
 fn threads(process: &Process) -> Result<u64> {
