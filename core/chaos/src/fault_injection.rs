@@ -5,6 +5,7 @@ use crate::event_log::Happened;
 use crate::network::{Message, Parcel};
 use crate::scenario::Scenario;
 use crate::scripts;
+use xtb_sim::faults::SensorFaults;
 use xtb_sim::rng::Rng;
 
 impl Scenario {
@@ -58,7 +59,8 @@ impl Scenario {
                 self.simulation.trucks_mut()[usize::from(robot)].set_transmitter(transmitter);
             }
             Change::Sensors { robot, faults } => {
-                self.posts[usize::from(robot)].sensors = faults;
+                let post = &mut self.posts[usize::from(robot)];
+                (post.sensors, post.sensors_well) = (faults, faults == SensorFaults::default());
                 self.simulation.trucks_mut()[usize::from(robot)].set_sensor_faults(faults);
             }
             Change::Drive { robot, fault } => {

@@ -120,7 +120,8 @@ pub(crate) struct Network {
     /// Emptied lists of the wheel: few are in use at a time, and these are in the processor's cache.
     spare: Vec<Vec<Flight>>,
     rng: Rng,
-    router_back: Option<Turn>,
+    /// All sessions stand, and no link is held.
+    calm: bool,
     now: Turn,
     /// Messages that arrived at the present turn.
     arrived: Vec<Parcel>,
@@ -159,7 +160,7 @@ impl Network {
             wheel,
             spare: Vec::new(),
             rng,
-            router_back: None,
+            calm: true,
             now: 0,
             arrived: Vec::new(),
             captured: Vec::with_capacity(CAPTURED),
@@ -184,6 +185,7 @@ impl Network {
     /// session ends.
     pub(crate) fn hold(&mut self, end: End, turns: Turn) {
         let i = self.index(end);
+        self.calm = false;
         if turns > NOTICED {
             let (until, noticed) = (self.now + turns, self.now + NOTICED);
             self.links[i].session = Session::Silent { until, noticed };
@@ -197,6 +199,7 @@ impl Network {
     pub(crate) fn close(&mut self, end: End, turns: Turn) {
         let (i, back) = (self.index(end), self.rng.up_to(RECONNECT) as Turn);
         let until = self.now + turns + back;
+        self.calm = false;
         let link = &mut self.links[i];
         (link.session, link.held_until) = (Session::Closed { until }, 0);
         link.number += 1;
@@ -204,7 +207,6 @@ impl Network {
 
     /// The router dies: every session with it, and all that was under way.
     pub(crate) fn kill_router(&mut self, turns: Turn) {
-        self.router_back = Some(self.now + turns);
         for i in 0..self.links.len() {
             let end =
                 if i < self.people { End::Person(i as u8) } else { End::Robot((i - self.people) as u8) };
@@ -215,6 +217,18 @@ impl Network {
     /// Time goes on to this turn: links come back, messages arrive.
     pub(crate) fn advance(&mut self, now: Turn) {
         self.now = now;
+        if !self.calm {
+            self.links_go_on(now);
+        }
+        let slot = now as usize % WHEEL;
+        let mut flights = std::mem::take(&mut self.wheel[slot]);
+        flights.drain(..).for_each(|flight| self.land(flight)); // each to a later slot, or to its end
+        if flights.capacity() > 0 {
+            self.spare.push(flights);
+        }
+    }
+
+    fn links_go_on(&mut self, now: Turn) {
         for link in &mut self.links {
             if link.held_until <= now {
                 link.waiting = [0; 2];
@@ -228,12 +242,7 @@ impl Network {
                 _ => {}
             }
         }
-        let slot = now as usize % WHEEL;
-        let mut flights = std::mem::take(&mut self.wheel[slot]);
-        flights.drain(..).for_each(|flight| self.land(flight)); // each to a later slot, or to its end
-        if flights.capacity() > 0 {
-            self.spare.push(flights);
-        }
+        self.calm = self.links.iter().all(|link| link.session == Session::Up && link.held_until <= now);
     }
 
     /// It goes on at this turn.

@@ -166,6 +166,9 @@ impl Person {
         }
         self.pour(now, out);
         self.act(now, out);
+        if self.waits(now) {
+            return;
+        }
         let mut doing = std::mem::replace(&mut self.doing, Doing::Pause);
         match &mut doing {
             Doing::Pause if self.script.is_none() && now >= self.pause_until => {
@@ -196,6 +199,17 @@ impl Person {
             Doing::Driving { .. } | Doing::Estopping { .. } => {}
         }
         self.doing = doing;
+    }
+
+    /// Whether there is nothing to do at this turn.
+    fn waits(&self, now: Turn) -> bool {
+        match &self.doing {
+            Doing::Pause => self.script.is_some() || now < self.pause_until,
+            Doing::Driving { until, next, .. } | Doing::Estopping { until, next, .. } => {
+                now < (*until).min(*next)
+            }
+            Doing::Asking { .. } => false,
+        }
     }
 
     fn steer(&mut self, rpm: f64, steering: f64, out: &mut Vec<Parcel>) {

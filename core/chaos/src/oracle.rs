@@ -324,7 +324,7 @@ impl Oracle {
     }
 
     /// The end of a turn.
-    pub(crate) fn turn(&mut self, now: Turn, truth: &Truth) -> Result<(), Broken> {
+    pub(crate) fn turn(&mut self, now: Turn, truth: &Truth<'_>) -> Result<(), Broken> {
         if truth.turned {
             // The board's watchdog has stopped it meanwhile: it must not drive on by itself.
             let stood = self.driven && truth.motor == PwmCount::NEUTRAL.get();

@@ -30,6 +30,8 @@ pub(crate) struct Post {
     pub(crate) lines: xtb_sim::LineFaults,
     pub(crate) plugged: [bool; 2],
     pub(crate) sensors: SensorFaults,
+    /// None of them is broken.
+    pub(crate) sensors_well: bool,
     pub(crate) drive: DriveFault,
     /// What the agent has said in the present turn.
     told: Vec<Told>,
@@ -84,6 +86,7 @@ impl Scenario {
                 lines: xtb_sim::LineFaults::default(),
                 plugged: [true; 2],
                 sensors: SensorFaults::default(),
+                sensors_well: true,
                 drive: DriveFault::default(),
                 told: Vec::new(),
                 driven: false,
@@ -274,7 +277,8 @@ impl Scenario {
             board_line: post.lines.board,
             gyro_line: post.lines.gyro,
             plugged: post.plugged,
-            sensors: post.sensors,
+            sensors: &post.sensors,
+            sensors_well: post.sensors_well,
             drive: post.drive,
             battery_v,
             speed_mps: truck.speed_mps,
@@ -299,7 +303,7 @@ impl Scenario {
             steering: post.process.steering(),
             speed_mps: truck.speed_mps,
             contacts: truck.contacts,
-            sees: post.sensors == SensorFaults::default() && post.drive == DriveFault::None,
+            sees: post.sensors_well && post.drive == DriveFault::None,
             at_wall,
             near_others,
         }

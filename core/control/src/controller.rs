@@ -124,6 +124,17 @@ impl Controller {
     /// One sample in, everything decided out: its own stage, then the obstacle rule, then wander's
     /// timers, then the outputs. Allocates nothing.
     pub fn step(&mut self, t: Stamp, sample: &Sample) -> Outputs {
+        self.take(t, sample);
+        self.outputs(t)
+    }
+
+    /// As [`Controller::step`], over what the step before decided.
+    pub fn step_over(&mut self, t: Stamp, sample: &Sample, outputs: &mut Outputs) {
+        self.take(t, sample);
+        *outputs = self.outputs(t);
+    }
+
+    fn take(&mut self, t: Stamp, sample: &Sample) {
         (self.reset, self.rezeroed) = (ResetMask::default(), false);
         match sample {
             Sample::Gyro(gyro) => self.gyro(gyro),
@@ -137,7 +148,6 @@ impl Controller {
         }
         self.obstacle_rule(t);
         self.wander_timers(t);
-        self.outputs(t)
     }
 
     fn gyro(&mut self, gyro: &GyroSample) {
@@ -401,6 +411,7 @@ impl Controller {
 
     /// What is decided at `t`, without a sample.
     #[must_use]
+    #[inline]
     pub fn outputs(&self, t: Stamp) -> Outputs {
         let steering = &self.config.steering;
         let rear_counts = self.config.drivetrain.rear_counts(self.steering_counts);

@@ -59,11 +59,17 @@ impl Monitors {
         self.drive.drive(driven);
     }
 
-    /// A window of the encoder; faster than `most_mps` is too fast by hand.
-    pub fn window(&mut self, vehicle: &VehicleConfig, now: Stamp, pulses: u16, most_mps: f64) {
+    /// A window of the encoder; faster than `most_mps`, which is asked for when the wheels turn, is too fast by hand.
+    pub fn window(
+        &mut self,
+        vehicle: &VehicleConfig,
+        now: Stamp,
+        pulses: u16,
+        most_mps: impl FnOnce() -> f64,
+    ) {
         let rpm = wheel_rpm(&vehicle.encoder, u32::from(pulses));
         self.turning = pulses > 0;
-        self.over_speed = rpm * vehicle.mps_per_rpm() > most_mps;
+        self.over_speed = self.turning && rpm * vehicle.mps_per_rpm() > most_mps();
         self.encoder.window(&vehicle.guard, now, rpm);
         self.drive.window(vehicle, now, pulses);
     }

@@ -188,7 +188,7 @@ impl Robot {
     /// The only place where the controller takes a step.
     fn step(&mut self, now: Stamp, sample: &Sample) {
         let before = self.outputs.pose;
-        self.outputs = self.controller.step(now, sample);
+        self.controller.step_over(now, sample, &mut self.outputs);
         self.reset = self.reset.or(self.outputs.reset);
         if self.outputs.rezeroed {
             self.agent.rezeroed(&before, &self.outputs.pose);

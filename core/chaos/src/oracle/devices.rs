@@ -47,13 +47,15 @@ const DRIVEN_COUNTS: u16 = 100;
 
 /// What is true of a truck, beside its agent.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Truth {
+pub(crate) struct Truth<'a> {
     pub(crate) transmitter: Transmitter,
     pub(crate) board_line: InjectedLineFault,
     pub(crate) gyro_line: InjectedLineFault,
     /// Board and gyro.
     pub(crate) plugged: [bool; 2],
-    pub(crate) sensors: SensorFaults,
+    pub(crate) sensors: &'a SensorFaults,
+    /// None of them is broken.
+    pub(crate) sensors_well: bool,
     pub(crate) drive: DriveFault,
     pub(crate) battery_v: f64,
     pub(crate) speed_mps: f64,
@@ -62,7 +64,7 @@ pub(crate) struct Truth {
     pub(crate) turned: bool,
 }
 
-impl Truth {
+impl Truth<'_> {
     /// Whether frames of the agent reach the board.
     pub(super) fn reaches(&self) -> bool {
         self.turned && self.plugged[0]
@@ -74,20 +76,33 @@ impl Truth {
     }
 }
 
-/// Since when something is so.
-#[derive(Debug, Clone, Copy, Default)]
-struct Since(Option<Turn>);
+/// Since when something is so; later than any turn = it is not.
+#[derive(Debug, Clone, Copy)]
+struct Since(Turn);
+
+impl Default for Since {
+    fn default() -> Self {
+        Self(Turn::MAX)
+    }
+}
 
 impl Since {
     /// For how long it has been so, now that it is or is not.
     fn update(&mut self, now: Turn, so: bool) -> Turn {
-        self.0 = so.then(|| self.0.unwrap_or(now));
-        self.0.map_or(0, |since| now - since)
+        self.0 = if so { self.0.min(now) } else { Turn::MAX };
+        self.lasts(now)
+    }
+
+    /// For how long it has been so.
+    fn lasts(self, now: Turn) -> Turn {
+        now.saturating_sub(self.0)
     }
 
     /// Not so for long, as it has not been so for more than `limit` yet.
     fn restart(&mut self, now: Turn, limit: Turn) {
-        self.0 = self.0.map(|since| if now - since <= limit { now } else { since });
+        if self.0 != Turn::MAX && self.lasts(now) <= limit {
+            self.0 = now;
+        }
     }
 }
 
@@ -112,6 +127,8 @@ pub(super) struct Devices {
     board_frozen: Since,
     gyro: Since,
     gyro_frozen: Since,
+    /// No sensor was broken at the last turn.
+    sensors_well: bool,
     converter: Since,
     finders: [RangeFinderFault; 2 * SLOTS],
     finder_frozen: Since,
@@ -145,7 +162,7 @@ impl Devices {
     /// Latches were reset. A reset never moves: a stick that they held must be let go first.
     pub(super) fn reset(&mut self, now: Turn, held_sticks: bool) {
         // A selector that the agent has not seen yet is itself the new command.
-        let manual = self.selected.0.is_some_and(|since| now - since > NOTICED);
+        let manual = self.selected.lasts(now) > NOTICED;
         // One that was at rest a moment ago: a frame of it may still come, after the reset.
         let rests = self.at_rest.is_some_and(|at| now - at <= NOTICED);
         self.stick_free &= !(held_sticks && manual) || rests;
@@ -153,7 +170,7 @@ impl Devices {
     }
 
     /// One turn. What an agent cannot hear it need not obey. `owned`: somebody holds its lease.
-    pub(super) fn update(&mut self, now: Turn, truth: &Truth, owned: bool) -> Demand {
+    pub(super) fn update(&mut self, now: Turn, truth: &Truth<'_>, owned: bool) -> Demand {
         let frozen = |fault| fault == InjectedLineFault::Frozen;
         let dead = |fault| {
             !matches!(
@@ -175,21 +192,22 @@ impl Devices {
         let measured = truth.hears() && !truth.sensors.battery_unmeasured && !truth.sensors.converter_frozen;
         let empty = self.empty.update(now, measured && truth.battery_v < EMPTY_V) > BATTERY;
         let (off, taken_over) = self.transmitter(now, truth, board || board_frozen, owned);
-        let because = [
-            (board, "the board's line is broken"),
-            (board_frozen, "the board repeats one frame"),
-            (gyro, "the gyro's line is broken"),
-            (gyro_frozen, "the gyro repeats one frame"),
-            (sensors.is_some(), sensors.unwrap_or_default()),
-            (empty, "the battery is empty"),
-            (off, "the transmitter is off"),
-            (taken_over, "the transmitter has taken over"),
-        ];
-        let network = because.into_iter().find_map(|(so, why)| so.then_some(why));
+        let network = (board.then_some("the board's line is broken"))
+            .or(board_frozen.then_some("the board repeats one frame"))
+            .or(gyro.then_some("the gyro's line is broken"))
+            .or(gyro_frozen.then_some("the gyro repeats one frame"))
+            .or(sensors)
+            .or(empty.then_some("the battery is empty"))
+            .or(off.then_some("the transmitter is off"))
+            .or(taken_over.then_some("the transmitter has taken over"));
         Demand { network, sticks: board || board_frozen || gyro_frozen || sensors.is_some() || empty }
     }
 
-    fn sensors(&mut self, now: Turn, truth: &Truth) -> Option<&'static str> {
+    fn sensors(&mut self, now: Turn, truth: &Truth<'_>) -> Option<&'static str> {
+        // Nothing was broken and nothing is: no clock runs.
+        if std::mem::replace(&mut self.sensors_well, truth.sensors_well) && truth.sensors_well {
+            return None;
+        }
         let (finders, none) = (&truth.sensors.range_finders, &SensorFaults::default().range_finders);
         // Of another one it shows anew.
         let same = std::mem::replace(&mut self.finders, *finders) == *finders;
@@ -206,17 +224,14 @@ impl Devices {
         let broken =
             self.finder_broken.update(now, broken && !truth.sensors.converter_frozen) > FINDER_BROKEN;
         let wild = self.wild.update(now, heard && truth.sensors.encoder == EncoderFault::Wild) > WILD;
-        let because = [
-            (converter, "the converter repeats one frame"),
-            (finder_frozen, "a range finder repeats one reading"),
-            (broken, "a range finder's wire is broken"),
-            (wild, "the encoder reports impossible values"),
-        ];
-        because.into_iter().find_map(|(so, why)| so.then_some(why))
+        (converter.then_some("the converter repeats one frame"))
+            .or(finder_frozen.then_some("a range finder repeats one reading"))
+            .or(broken.then_some("a range finder's wire is broken"))
+            .or(wild.then_some("the encoder reports impossible values"))
     }
 
     /// Whether it is off for certain, and whether it has taken over for certain.
-    fn transmitter(&mut self, now: Turn, truth: &Truth, board_lost: bool, owned: bool) -> (bool, bool) {
+    fn transmitter(&mut self, now: Turn, truth: &Truth<'_>, board_lost: bool, owned: bool) -> (bool, bool) {
         let Transmitter { on, speed, selector_manual, .. } = truth.transmitter;
         let heard = on && truth.hears();
         let before = self.manual_last;
@@ -250,7 +265,7 @@ impl Devices {
     pub(super) fn check(
         &mut self,
         now: Turn,
-        truth: &Truth,
+        truth: &Truth<'_>,
         by_hand: bool,
         latched: impl Fn(Latch) -> bool,
     ) -> Result<(), Broken> {
@@ -268,7 +283,7 @@ impl Devices {
             let detail = format!("{:.2} m/s without a command, but no latch is set", truth.speed_mps);
             return Err((Invariant::Devices, detail));
         }
-        let taken = self.manual.0.is_some_and(|since| now - since > TAKEN_OVER + ms(100));
+        let taken = self.manual.lasts(now) > TAKEN_OVER + ms(100);
         if taken && self.taken_from_owner && !latched(Latch::RemoteTakeover) {
             let detail = "the transmitter took over from the network, but no latch is set".to_owned();
             return Err((Invariant::Latched, detail));

@@ -42,8 +42,8 @@ impl Robot {
     /// An encoder window, after the controller's step. Wheels that ran away or did not turn under the
     /// transmitter want to see a neutral stick before they are driven again.
     pub(super) fn watch_window(&mut self, now: Stamp, pulses: u16) {
-        let most_mps = self.vehicle().by_hand_mps(self.outputs.demanded);
-        self.monitors.window(self.controller.config(), now, pulses, most_mps);
+        let vehicle = self.controller.config();
+        self.monitors.window(vehicle, now, pulses, || vehicle.by_hand_mps(self.outputs.demanded));
         // The pulse that was decided now stays until the next window, whatever is asked for meanwhile.
         self.watch_drive(self.pulses().motor);
         let of_the_drive = |fault: Fault| matches!(fault, Fault::Runaway | Fault::Stalled);

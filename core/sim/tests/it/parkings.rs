@@ -212,7 +212,7 @@ impl Pilot {
         let (motor, reference_rpm) = (outputs.pwm.motor, outputs.reference_rpm);
         monitors.drive(Driven { by_hand: false, motor, reference_rpm });
         if let Some(pulses) = bench.agent.window.take() {
-            monitors.window(vehicle, bench.simulation.now(), pulses, vehicle.admitted_mps());
+            monitors.window(vehicle, bench.simulation.now(), pulses, || vehicle.admitted_mps());
             let mut faults = monitors.faults(Guards::default());
             self.alarmed |= faults.any(|(fault, _)| matches!(fault, Fault::Runaway | Fault::Stalled));
         }
