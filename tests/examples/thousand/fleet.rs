@@ -38,7 +38,7 @@ pub(crate) enum Work {
 
 /// Starts the simulators, each with its part of the robots; also where the first one's router is.
 pub(crate) async fn simulators(robots: usize, parts: usize) -> Result<(Vec<Process>, String)> {
-    let (mut processes, mut endpoint) = (Vec::new(), None);
+    let (mut processes, mut endpoint) = (Vec::new(), None::<String>);
     for part in 0..parts {
         let (first, next) = (part * robots / parts, (part + 1) * robots / parts);
         let numbers = [next - first, first + 1, robots].map(|number| number.to_string());
