@@ -157,7 +157,6 @@ async fn cockpit(fleet: &Fleet) {
         });
         began.elapsed().as_secs_f64()
     });
-    println!("{}", top.screen().text());
     let reduced = "–".to_owned();
     Row { screen: "`top`", shown_s, real_time, drawn_hz, selected_s, confirmed_s, neutral_s, reduced }
         .print(robots);

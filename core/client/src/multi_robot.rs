@@ -3,6 +3,7 @@
 
 use crate::client::Client;
 use crate::error::{Error, Result};
+use futures_util::{StreamExt, stream};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::pin::pin;
@@ -10,8 +11,15 @@ use tokio::task::{JoinError, JoinSet};
 use xtb_protocol::Name;
 
 /// Robots that only a roster names are asked while fewer than this many are being asked. It keeps a roster that
-/// somebody has invented from filling the link; chosen, not measured.
+/// somebody has invented from filling the link, and what takes several messages from taking so long with hundreds of
+/// robots that leases run out meanwhile; chosen, not measured.
 const MOST_AT_ONCE: usize = 64;
+
+/// What comes of each, in their order; not more than some dozens are under way at the same time.
+pub async fn in_turn<Each: Future>(each: impl IntoIterator<Item = Each>) -> Vec<Each::Output> {
+    let each: Vec<Each> = each.into_iter().collect(); // of an iterator with closures, rustc cannot tell whether it is Send
+    stream::iter(each).buffered(MOST_AT_ONCE).collect().await
+}
 
 /// Whom to stop.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -221,6 +229,7 @@ mod tests {
     use super::*;
     use crate::error::ErrorKind;
     use crate::fake::name;
+    use std::cell::Cell;
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
     use tokio::sync::watch;
@@ -270,6 +279,20 @@ mod tests {
         assert_eq!(outcomes.len(), 201);
         assert!(outcomes.values().all(|outcome| *outcome == StopOutcome::Absent));
         assert_eq!(asked.lock().unwrap().len(), 201, "each once");
+    }
+
+    #[tokio::test]
+    async fn some_dozens_are_under_way_at_the_same_time_and_results_keep_their_order() {
+        let (begun, most) = (&Cell::new(0_usize), &Cell::new(0));
+        let each = (0..200).map(|i| async move {
+            begun.set(begun.get() + 1);
+            most.set(begun.get().max(most.get()));
+            tokio::task::yield_now().await;
+            begun.set(begun.get() - 1);
+            i
+        });
+        assert_eq!(in_turn(each).await, (0..200).collect::<Vec<_>>());
+        assert_eq!(most.get(), MOST_AT_ONCE);
     }
 
     #[test]

@@ -6,8 +6,8 @@ use crate::client::Client;
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::fleet_view::FleetView;
+use crate::multi_robot::in_turn;
 use crate::state_feed::StateFeed;
-use futures_util::future::join_all;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 use xtb_protocol::messages::{Body, Latch, LatchState, RejectCode, RobotState};
@@ -88,7 +88,7 @@ pub async fn each(
         };
         (robot.clone(), reset.await)
     });
-    join_all(each).await
+    in_turn(each).await
 }
 
 /// Resets with the control that is held.

@@ -1,6 +1,5 @@
 //! Carrying out what a page asks for, with the code of the verbs.
 
-use futures_util::future::join_all;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -10,7 +9,7 @@ use xtb_client::dispatcher_client::fleet_stop;
 use xtb_client::dispatcher_client::{DispatcherClient, Taken, worst};
 use xtb_client::goal::{GoalRequest, GoalTarget, start};
 use xtb_client::map_edit::{self, MapDraft};
-use xtb_client::multi_robot::{MissingInfo, StopReport, Targets};
+use xtb_client::multi_robot::{MissingInfo, StopReport, Targets, in_turn};
 use xtb_client::reset::{self, ResetCandidates, ResetReport};
 use xtb_client::text::reasons;
 use xtb_client::{Error, ErrorKind, Result};
@@ -141,7 +140,7 @@ pub(crate) async fn speed_limit(client: &Client, mps: f64, driving: Option<&Name
         }
     });
     let (mut set, mut refused) = (Vec::new(), serde_json::Map::new());
-    for (robot, done) in robots.iter().zip(join_all(each).await) {
+    for (robot, done) in robots.iter().zip(in_turn(each).await) {
         match done {
             Ok(_) => set.push(robot),
             Err(error) => drop(refused.insert(robot.to_string(), error.message.into())),

@@ -8,12 +8,12 @@ use crate::output::{Output, Tone};
 use crate::robots::once_each;
 use crate::table::{Table, TableCell};
 use clap::{ArgGroup, Args, Subcommand};
-use futures_util::future::join_all;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use xtb_client::client::Client;
+use xtb_client::multi_robot::in_turn;
 use xtb_client::params::{self, resolve};
 use xtb_client::text::robot::age;
 use xtb_client::{Error, ErrorKind, Result};
@@ -158,7 +158,7 @@ pub async fn run(ctx: &Context, args: &ParamArgs) -> Result<Exit> {
     let asking = async {
         let robots = robots(&client, whose).await?;
         let each = robots.iter().map(|robot| one(&client, robot, &args.verb));
-        Ok::<_, Error>(robots.iter().cloned().zip(join_all(each).await).collect::<Vec<_>>())
+        Ok::<_, Error>(robots.iter().cloned().zip(in_turn(each).await).collect::<Vec<_>>())
     };
     let asked = asking.await;
     client.close().await;

@@ -9,12 +9,12 @@ use crate::point::{PointArgs, PointWord};
 use crate::robots::{self, RobotsWord};
 use crate::values::{degrees, metres};
 use clap::Args;
-use futures_util::future::join_all;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::time::Instant;
 use xtb_client::client::Client;
 use xtb_client::control::Control;
+use xtb_client::multi_robot::in_turn;
 use xtb_client::reset::{STATE_EVERY, next_state};
 use xtb_client::state_feed::StateFeed;
 use xtb_client::text::robot as describe;
@@ -126,7 +126,7 @@ async fn at_start(ctx: &Context, client: &Client, robots: &[Name], take: bool) -
             })
         }
     });
-    Ok(join_all(each).await.into_iter().fold(Exit::Done, Exit::worse))
+    Ok(in_turn(each).await.into_iter().fold(Exit::Done, Exit::worse))
 }
 
 /// Where a robot starts: as the map says, else the roster.

@@ -6,6 +6,7 @@ use crate::exit::Exit;
 use crate::output::ProgressLine;
 use futures_util::future::join_all;
 use xtb_client::Client;
+use xtb_client::multi_robot::in_turn;
 
 /// Each robot's result is said as soon as it is there; the worst one is the command's.
 pub(super) async fn each(ctx: &Context, client: &Client, tasks: &[Task], stop: &Stop) -> Exit {
@@ -19,7 +20,9 @@ pub(super) async fn each(ctx: &Context, client: &Client, tasks: &[Task], stop: &
             Exit::from(error.kind)
         })
     });
-    join_all(each).await.into_iter().fold(Exit::Done, Exit::worse)
+    // Where it waits, all drive at the same time.
+    let ended = if waits { join_all(each).await } else { in_turn(each).await };
+    ended.into_iter().fold(Exit::Done, Exit::worse)
 }
 
 #[cfg(test)]
