@@ -5,7 +5,7 @@
 //! state that it made after the answer shows the stop.
 
 use crate::client::Client;
-use crate::multi_robot::StopOutcome;
+use crate::multi_robot::{Crowd, StopOutcome};
 use std::collections::BTreeSet;
 use std::time::Duration;
 use tokio::task::JoinSet;
@@ -57,8 +57,13 @@ impl Confirmation {
 }
 
 /// Asks a robot that was answered for whether it is there, and for its state until that shows `so`.
-pub(crate) async fn confirm(client: &Client, robot: &Name, so: fn(&RobotState) -> bool) -> StopOutcome {
-    let (there, shown) = tokio::join!(client.is_alive(robot), shows(client, robot, so));
+pub(crate) async fn confirm(
+    client: &Client,
+    robot: &Name,
+    crowd: &Crowd,
+    so: fn(&RobotState) -> bool,
+) -> StopOutcome {
+    let (there, shown) = tokio::join!(client.is_alive(robot), shows(client, robot, crowd, so));
     match there {
         // Nobody of this name is there: whoever answered is somebody else.
         Ok(false) => StopOutcome::Absent,
@@ -71,8 +76,8 @@ pub(crate) async fn confirm(client: &Client, robot: &Name, so: fn(&RobotState) -
 }
 
 /// The questions are sent without waiting for the answers of those before: a slow link costs one round trip.
-async fn shows(client: &Client, robot: &Name, so: fn(&RobotState) -> bool) -> StopOutcome {
-    let within = client.round_trip().patience(SHOWS_WITHIN);
+async fn shows(client: &Client, robot: &Name, crowd: &Crowd, so: fn(&RobotState) -> bool) -> StopOutcome {
+    let within = client.round_trip().patience(SHOWS_WITHIN + crowd.pause(AGAIN_FIRST));
     let give_up = Instant::now() + within;
     let (mut confirmation, mut asking) = (Confirmation::default(), JoinSet::new());
     let (mut next, mut pause) = (Instant::now(), AGAIN_FIRST);
@@ -89,7 +94,7 @@ async fn shows(client: &Client, robot: &Name, so: fn(&RobotState) -> bool) -> St
             () = tokio::time::sleep_until(give_up) => return StopOutcome::Unconfirmed,
             () = tokio::time::sleep_until(next), if asking.len() < IN_FLIGHT => {
                 asking.spawn(states(client.clone(), robot.clone(), within));
-                next = Instant::now() + pause;
+                next = Instant::now() + crowd.pause(pause);
                 pause = (pause * 3 / 2).min(AGAIN_MOST);
             }
         }

@@ -7,7 +7,7 @@
 
 use crate::client::Client;
 use crate::confirm::confirm;
-use crate::multi_robot::{MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
+use crate::multi_robot::{Crowd, MissingInfo, MultiRobot, StopOutcome, StopReport, Targets, pause_for};
 use crate::stop::not_sent;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -65,7 +65,7 @@ impl Call {
     }
 
     async fn these(self, client: &Client, robots: &[Name]) -> StopReport {
-        let mut calls = MultiRobot::new(client, |client, robot| self.one(client, robot));
+        let mut calls = MultiRobot::new(client, |client, robot, crowd| self.one(client, robot, crowd));
         calls.call(robots.iter().cloned());
         StopReport::new(calls.outcomes().await, &MissingInfo::default())
     }
@@ -73,17 +73,18 @@ impl Call {
     /// Who is told, who is known, who is there, and who answers without being any of these.
     async fn everybody(self, client: &Client, expect: &[Name], known: &[Name]) -> (StopReport, MissingInfo) {
         let me = client.name().clone();
-        let _puts = self.put(client, client.keys().estop_all(Some(&me)), Channel::EstopAll(me));
+        let _puts =
+            self.put(client, client.keys().estop_all(Some(&me)), Channel::EstopAll(me), Arc::default());
         let heard = Arc::new(Mutex::new(BTreeSet::new()));
         let _asking = AbortOnDrop(tokio::spawn(self.ask_everybody(client.clone(), Arc::clone(&heard))));
-        let mut calls = MultiRobot::new(client, |client, robot| self.one(client, robot));
+        let mut calls = MultiRobot::new(client, |client, robot, crowd| self.one(client, robot, crowd));
         calls.call(known.iter().cloned());
         let missing = calls.call_all(expect).await;
         let mut robots = calls.outcomes().await;
         // Who has answered a question to all, and is none of those asked by name or did not answer that.
         let unsaid = |robot: &&Name| matches!(robots.get(*robot), None | Some(StopOutcome::Unknown));
         let late: Vec<Name> = lock(&heard).iter().filter(unsaid).cloned().collect();
-        let mut others = MultiRobot::new(client, |client, robot| self.one(client, robot));
+        let mut others = MultiRobot::new(client, |client, robot, crowd| self.one(client, robot, crowd));
         others.call(late);
         robots.extend(others.outcomes().await);
         (StopReport::new(robots, &missing), missing)
@@ -92,28 +93,30 @@ impl Call {
     async fn ask_everybody(self, client: Client, heard: Arc<Mutex<BTreeSet<Name>>>) {
         let key_expr = client.keys().any_robot().estop(Some(client.name()));
         loop {
-            let latched = self.ask(&client, &key_expr).await;
+            let latched = self.ask(&client, &key_expr, ANSWER_WITHIN).await;
+            let robots = latched.len();
             lock(&heard).extend(latched.into_keys());
-            tokio::time::sleep(AGAIN_EVERY).await;
+            tokio::time::sleep(pause_for(robots, AGAIN_EVERY)).await;
         }
     }
 
     /// One robot, until it has acknowledged or time is up, and then until its state shows it.
-    async fn one(self, client: Client, robot: Name) -> StopOutcome {
+    async fn one(self, client: Client, robot: Name, crowd: Crowd) -> StopOutcome {
         let key = client.keys().robot(&robot).estop(Some(client.name()));
-        let puts = self.put(&client, key.clone(), Channel::Estop(client.name().clone()));
+        let crowd = Arc::new(crowd); // two tasks, but one robot
+        let puts = self.put(&client, key.clone(), Channel::Estop(client.name().clone()), Arc::clone(&crowd));
         let within = client.round_trip().patience(self.within);
-        let acknowledged = self.acknowledged(&client, key, &robot);
+        let acknowledged = self.acknowledged(&client, key, &robot, &crowd);
         let Ok(voices) = tokio::time::timeout(within, acknowledged).await else {
             return StopOutcome::Unknown;
         };
         drop(puts);
-        if voices > 1 { StopOutcome::Ambiguous } else { confirm(&client, &robot, is_latched).await }
+        if voices > 1 { StopOutcome::Ambiguous } else { confirm(&client, &robot, &crowd, is_latched).await }
     }
 
     /// How many programs say in the robot's name that it is latched, once one does. A question is asked again
     /// before those before are answered: a slow link costs one round trip.
-    async fn acknowledged(self, client: &Client, key: String, robot: &Name) -> usize {
+    async fn acknowledged(self, client: &Client, key: String, robot: &Name, crowd: &Crowd) -> usize {
         let mut asking = JoinSet::new();
         let (mut next, mut pause) = (tokio::time::Instant::now(), AGAIN_EVERY);
         loop {
@@ -127,8 +130,9 @@ impl Call {
                 }
                 () = tokio::time::sleep_until(next), if asking.len() < IN_FLIGHT => {
                     let (client, key) = (client.clone(), key.clone());
-                    asking.spawn(async move { self.ask(&client, &key).await });
-                    next = tokio::time::Instant::now() + pause;
+                    let within = crowd.pause(ANSWER_WITHIN);
+                    asking.spawn(async move { self.ask(&client, &key, within).await });
+                    next = tokio::time::Instant::now() + crowd.pause(pause);
                     pause = longer(pause);
                 }
             }
@@ -136,11 +140,11 @@ impl Call {
     }
 
     /// Who is said to be latched, and by how many.
-    async fn ask(self, client: &Client, key_expr: &str) -> BTreeMap<Name, usize> {
+    async fn ask(self, client: &Client, key_expr: &str, within: Duration) -> BTreeMap<Name, usize> {
         let mut latched = BTreeMap::new();
         let channel = Channel::Estop(client.name().clone());
         let estop = Estop { id: self.id };
-        let within = client.round_trip().patience(ANSWER_WITHIN.min(self.within));
+        let within = client.round_trip().patience(within.min(self.within));
         let each = |answer: xtb_bus::Incoming| match answer.decode::<Estopped>() {
             Ok(Estopped { robot, latched: true }) => *latched.entry(robot).or_default() += 1,
             Ok(Estopped { robot, .. }) => tracing::debug!("{robot} has received it, but is not latched"),
@@ -153,7 +157,7 @@ impl Call {
     }
 
     /// Puts it now and again and again, in a task of its own: a full queue holds up no question.
-    fn put(self, client: &Client, key: String, channel: Channel) -> AbortOnDrop {
+    fn put(self, client: &Client, key: String, channel: Channel, crowd: Arc<Crowd>) -> AbortOnDrop {
         let bus = client.bus().clone();
         AbortOnDrop(tokio::spawn(async move {
             let mut pause = AGAIN_EVERY;
@@ -161,7 +165,7 @@ impl Call {
                 if let Err(error) = bus.put(&key, &channel, &Estop { id: self.id }, Format::Postcard).await {
                     tracing::debug!("{error}");
                 }
-                tokio::time::sleep(pause).await;
+                tokio::time::sleep(crowd.pause(pause)).await;
                 pause = longer(pause);
             }
         }))

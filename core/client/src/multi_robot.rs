@@ -7,6 +7,8 @@ use futures_util::{StreamExt, stream};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
 use tokio::task::{JoinError, JoinSet};
 use xtb_protocol::Name;
 
@@ -14,6 +16,27 @@ use xtb_protocol::Name;
 /// somebody has invented from filling the link, and what takes several messages from taking so long with hundreds of
 /// robots that leases run out meanwhile; chosen, not measured.
 const MOST_AT_ONCE: usize = 64;
+
+/// Up to twice as many robots at the same time are each asked again as soon as one alone would be.
+const UNHURRIED: usize = 50;
+
+/// All who are being asked at the same time; each has a copy while it is. The more there are, the later one of them is
+/// asked again: else the repetitions for hundreds of robots keep a router from passing on the answers. The first
+/// question to each waits for nobody.
+#[derive(Debug, Clone, Default)]
+pub struct Crowd(Arc<()>);
+
+impl Crowd {
+    /// Before one of them is asked again, where for few `pause` is right.
+    pub(crate) fn pause(&self, pause: Duration) -> Duration {
+        pause_for(Arc::strong_count(&self.0), pause)
+    }
+}
+
+/// Before so many robots are asked again, where for few `pause` is right.
+pub(crate) fn pause_for(robots: usize, pause: Duration) -> Duration {
+    pause * u32::try_from((robots / UNHURRIED).max(1)).unwrap_or(u32::MAX)
+}
 
 /// What comes of each, in their order; not more than some dozens are under way at the same time.
 pub async fn in_turn<Each: Future>(each: impl IntoIterator<Item = Each>) -> Vec<Each::Output> {
@@ -120,6 +143,7 @@ impl MissingInfo {
 pub struct MultiRobot<Ask> {
     client: Client,
     ask: Ask,
+    crowd: Crowd,
     asking: JoinSet<(Name, StopOutcome)>,
     outcomes: BTreeMap<Name, StopOutcome>,
     /// To be asked when there is room.
@@ -128,13 +152,13 @@ pub struct MultiRobot<Ask> {
 
 impl<Ask, Asking> MultiRobot<Ask>
 where
-    Ask: Fn(Client, Name) -> Asking,
+    Ask: Fn(Client, Name, Crowd) -> Asking,
     Asking: Future<Output = StopOutcome> + Send + 'static,
 {
     /// Nobody asked yet; `ask` asks one robot.
     pub fn new(client: &Client, ask: Ask) -> Self {
         let (asking, outcomes, waiting) = (JoinSet::new(), BTreeMap::new(), BTreeSet::new());
-        Self { client: client.clone(), ask, asking, outcomes, waiting }
+        Self { client: client.clone(), ask, crowd: Crowd::default(), asking, outcomes, waiting }
     }
 
     /// Asks these at once, unless they have been asked.
@@ -167,7 +191,7 @@ where
     }
 
     fn start(&mut self, robot: Name) {
-        let asking = (self.ask)(self.client.clone(), robot.clone());
+        let asking = (self.ask)(self.client.clone(), robot.clone(), self.crowd.clone());
         self.asking.spawn(async move { (robot, asking.await) });
     }
 
@@ -230,8 +254,7 @@ mod tests {
     use crate::error::ErrorKind;
     use crate::fake::name;
     use std::cell::Cell;
-    use std::sync::{Arc, Mutex};
-    use std::time::Duration;
+    use std::sync::Mutex;
     use tokio::sync::watch;
     use xtb_bus::Question;
     use xtb_protocol::codec::Format;
@@ -257,7 +280,7 @@ mod tests {
         let (answers, gate) = watch::channel(false);
         let asked = Arc::new(Mutex::new(Vec::<Name>::new()));
         let asking = Arc::clone(&asked);
-        let mut calls = MultiRobot::new(&client, move |_, robot| {
+        let mut calls = MultiRobot::new(&client, move |_, robot, _| {
             asking.lock().unwrap().push(robot);
             let mut gate = gate.clone();
             async move {
@@ -293,6 +316,17 @@ mod tests {
         });
         assert_eq!(in_turn(each).await, (0..200).collect::<Vec<_>>());
         assert_eq!(most.get(), MOST_AT_ONCE);
+    }
+
+    #[test]
+    fn the_more_are_asked_the_later_each_is_asked_again() {
+        let (crowd, pause) = (Crowd::default(), Duration::from_millis(50));
+        let mut asked = vec![crowd.clone(); 98];
+        assert_eq!(crowd.pause(pause), pause);
+        asked.resize(499, crowd.clone());
+        assert_eq!(crowd.pause(pause), 10 * pause);
+        asked.clear();
+        assert_eq!(crowd.pause(pause), pause);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use crate::client::{Client, accepted};
 use crate::confirm::confirm;
 use crate::error::Error;
-use crate::multi_robot::{MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
+use crate::multi_robot::{Crowd, MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
 use std::collections::BTreeMap;
 use xtb_control::Mode;
 use xtb_identity::Action;
@@ -37,7 +37,7 @@ pub(crate) fn not_sent(error: Error) -> (StopReport, MissingInfo) {
     (StopReport::new(BTreeMap::new(), &missing), missing)
 }
 
-async fn one(client: Client, robot: Name) -> StopOutcome {
+async fn one(client: Client, robot: Name, crowd: Crowd) -> StopOutcome {
     let replies = match client.carry_out_all(&robot, Body::Stop {}).await {
         Ok(replies) => replies,
         Err(error) => {
@@ -47,7 +47,7 @@ async fn one(client: Client, robot: Name) -> StopOutcome {
     };
     match replies.as_slice() {
         [reply] if accepted(&robot, reply).is_err() => StopOutcome::Refused,
-        [_] => confirm(&client, &robot, has_stopped).await,
+        [_] => confirm(&client, &robot, &crowd, has_stopped).await,
         _ => StopOutcome::Ambiguous,
     }
 }
@@ -76,7 +76,7 @@ mod tests {
     }
 
     async fn outcome(client: &Client, robot: &str) -> StopOutcome {
-        one(client.clone(), name(robot)).await
+        one(client.clone(), name(robot), Crowd::default()).await
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
