@@ -166,9 +166,8 @@ async fn cockpit(fleet: &Fleet) {
     let began = Instant::now();
     top.keys("E");
     let (neutral_s, confirmed_s) = tokio::join!(fleet.neutral_s(), async {
-        tokio::task::block_in_place(|| {
-            top.until("all have confirmed", |text| text.contains(&format!("{robots} LATCHED")));
-        });
+        let all = format!("{robots} LATCHED");
+        until("all have confirmed", || top.screen().text().contains(&all)).await.unwrap();
         began.elapsed().as_secs_f64()
     });
     let (confirmed, reduced) = (robots, "–".to_owned());
@@ -204,8 +203,8 @@ async fn page(fleet: &Fleet) {
     let before_s = (Instant::now(), fleet.witness.time_s());
     let script = format!(
         "const tell = arguments[arguments.length - 1];
-         import('/assets/main.js').then(({{store, pace}}) => {{
-           const [began, first, thinned] = [performance.now(), store.frame.n, new Set()];
+         import('/assets/main.js').then(({{pace}}) => {{
+           const [began, thinned] = [performance.now(), new Set()];
            let pictures = 0;
            const look = (now) => {{
              pictures += 1;

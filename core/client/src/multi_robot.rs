@@ -19,6 +19,9 @@ const MOST_AT_ONCE: usize = 64;
 
 /// Up to twice as many robots at the same time are each asked again as soon as one alone would be.
 const UNHURRIED: usize = 50;
+/// The most times that a pause gets as long: that of a thousand robots, so that names which somebody has invented delay
+/// nobody further.
+const SLOWEST: usize = 20;
 
 /// All who are being asked at the same time; each has a copy while it is. The more there are, the later one of them is
 /// asked again: else the repetitions for hundreds of robots keep a router from passing on the answers. The first
@@ -35,7 +38,7 @@ impl Crowd {
 
 /// Before so many robots are asked again, where for few `pause` is right.
 pub(crate) fn pause_for(robots: usize, pause: Duration) -> Duration {
-    pause * u32::try_from((robots / UNHURRIED).max(1)).unwrap_or(u32::MAX)
+    pause * (robots / UNHURRIED).clamp(1, SLOWEST) as u32
 }
 
 /// What comes of each, in their order; not more than some dozens are under way at the same time.
@@ -325,6 +328,8 @@ mod tests {
         assert_eq!(crowd.pause(pause), pause);
         asked.resize(499, crowd.clone());
         assert_eq!(crowd.pause(pause), 10 * pause);
+        asked.resize(99_999, crowd.clone());
+        assert_eq!(crowd.pause(pause), 20 * pause);
         asked.clear();
         assert_eq!(crowd.pause(pause), pause);
     }
