@@ -5,7 +5,8 @@
 //! state that it made after the answer shows the stop.
 
 use crate::client::Client;
-use crate::multi_robot::{Crowd, StopOutcome};
+use crate::crowd::Crowd;
+use crate::multi_robot::StopOutcome;
 use std::collections::BTreeSet;
 use std::time::Duration;
 use tokio::task::JoinSet;
@@ -56,13 +57,37 @@ impl Confirmation {
     }
 }
 
-/// Asks a robot that was answered for whether it is there, and for its state until that shows `so`.
+/// Asks a robot that was answered for whether it is there, and for its state until that shows `so`; of many robots
+/// a look at all of them can tell it sooner.
 pub(crate) async fn confirm(
     client: &Client,
     robot: &Name,
     crowd: &Crowd,
     so: fn(&RobotState) -> bool,
 ) -> StopOutcome {
+    tokio::select! {
+        outcome = seen(robot, crowd, so) => outcome,
+        outcome = asked(client, robot, crowd, so) => outcome,
+    }
+}
+
+/// As looks at all robots show it.
+async fn seen(robot: &Name, crowd: &Crowd, so: fn(&RobotState) -> bool) -> StopOutcome {
+    let (mut looks, mut confirmation) = (crowd.looks(), Confirmation::default());
+    loop {
+        let look = looks.next().await;
+        confirmation.heard(look.states(robot), so);
+        match (confirmation.verdict(), &look.alive) {
+            (Some(_), Ok(there)) if !there.contains(robot) => return StopOutcome::Absent,
+            (Some(verdict), Ok(_)) => return verdict,
+            _ => {}
+        }
+    }
+}
+
+/// As it says when it is asked by itself.
+async fn asked(client: &Client, robot: &Name, crowd: &Crowd, so: fn(&RobotState) -> bool) -> StopOutcome {
+    tokio::time::sleep(crowd.head_start(AGAIN_FIRST)).await;
     let (there, shown) = tokio::join!(client.is_alive(robot), shows(client, robot, crowd, so));
     match there {
         // Nobody of this name is there: whoever answered is somebody else.
@@ -77,7 +102,9 @@ pub(crate) async fn confirm(
 
 /// The questions are sent without waiting for the answers of those before: a slow link costs one round trip.
 async fn shows(client: &Client, robot: &Name, crowd: &Crowd, so: fn(&RobotState) -> bool) -> StopOutcome {
-    let within = client.round_trip().patience(SHOWS_WITHIN + crowd.pause(AGAIN_FIRST));
+    let within = client
+        .round_trip()
+        .patience(SHOWS_WITHIN + crowd.pause(AGAIN_FIRST) + 4 * crowd.head_start(AGAIN_FIRST));
     let give_up = Instant::now() + within;
     let (mut confirmation, mut asking) = (Confirmation::default(), JoinSet::new());
     let (mut next, mut pause) = (Instant::now(), AGAIN_FIRST);

@@ -2,20 +2,25 @@
 //!
 //! It is put again and again until each robot has acknowledged it or time is up, and asked beside that: the
 //! answer, that the latch is set, is the acknowledgement, and the robot's own state has to show it. For all
-//! robots it is put at once on the key that every robot hears, before anybody knows who they are. A link that is
-//! lost is waited for, up to [`LINK_WITHIN`].
+//! robots it is put at once on the key that every robot hears, before anybody knows who they are, and asked so;
+//! what one of hundreds answers to that counts as its acknowledgement. A link that is lost is waited for, up to
+//! [`LINK_WITHIN`].
 
 use crate::client::Client;
 use crate::confirm::confirm;
-use crate::multi_robot::{Crowd, MissingInfo, MultiRobot, StopOutcome, StopReport, Targets, pause_for};
+use crate::crowd::{Crowd, pause_for};
+use crate::multi_robot::{MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
 use crate::stop::not_sent;
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use tokio::sync::watch;
 use tokio::task::{JoinHandle, JoinSet};
 use xtb_identity::Action;
 use xtb_protocol::codec::Format;
-use xtb_protocol::keys::Channel;
+use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{Estop, Estopped, Latch, RobotState};
 use xtb_protocol::{Name, Uuid};
 
@@ -65,7 +70,7 @@ impl Call {
     }
 
     async fn these(self, client: &Client, robots: &[Name]) -> StopReport {
-        let mut calls = MultiRobot::new(client, |client, robot, crowd| self.one(client, robot, crowd));
+        let mut calls = self.calls(client, &Heard::default());
         calls.call(robots.iter().cloned());
         StopReport::new(calls.outcomes().await, &MissingInfo::default())
     }
@@ -75,50 +80,74 @@ impl Call {
         let me = client.name().clone();
         let _puts =
             self.put(client, client.keys().estop_all(Some(&me)), Channel::EstopAll(me), Arc::default());
-        let heard = Arc::new(Mutex::new(BTreeSet::new()));
-        let _asking = AbortOnDrop(tokio::spawn(self.ask_everybody(client.clone(), Arc::clone(&heard))));
-        let mut calls = MultiRobot::new(client, |client, robot, crowd| self.one(client, robot, crowd));
-        calls.call(known.iter().cloned());
-        let missing = calls.call_all(expect).await;
+        let heard = Heard::default();
+        let _asking = AbortOnDrop(tokio::spawn(self.ask_everybody(client.clone(), heard.clone())));
+        let mut calls = self.calls(client, &heard);
+        let missing = calls.call_all(expect, known).await;
         let mut robots = calls.outcomes().await;
         // Who has answered a question to all, and is none of those asked by name or did not answer that.
-        let unsaid = |robot: &&Name| matches!(robots.get(*robot), None | Some(StopOutcome::Unknown));
-        let late: Vec<Name> = lock(&heard).iter().filter(unsaid).cloned().collect();
-        let mut others = MultiRobot::new(client, |client, robot, crowd| self.one(client, robot, crowd));
+        let unsaid = |robot: &Name| matches!(robots.get(robot), None | Some(StopOutcome::Unknown));
+        let late: Vec<Name> = heard.robots().into_iter().filter(unsaid).collect();
+        let mut others = self.calls(client, &heard);
         others.call(late);
         robots.extend(others.outcomes().await);
         (StopReport::new(robots, &missing), missing)
     }
 
-    async fn ask_everybody(self, client: Client, heard: Arc<Mutex<BTreeSet<Name>>>) {
+    fn calls(
+        self,
+        client: &Client,
+        heard: &Heard,
+    ) -> MultiRobot<impl Fn(Client, Name, Crowd) -> BoxFuture<'static, StopOutcome> + use<>> {
+        let heard = heard.clone();
+        MultiRobot::new(client, move |client, robot, crowd| {
+            self.one(client, robot, crowd, heard.clone()).boxed()
+        })
+    }
+
+    async fn ask_everybody(self, client: Client, heard: Heard) {
         let key_expr = client.keys().any_robot().estop(Some(client.name()));
+        let mut robots = 0;
         loop {
-            let latched = self.ask(&client, &key_expr, ANSWER_WITHIN).await;
-            let robots = latched.len();
-            lock(&heard).extend(latched.into_keys());
+            let within = pause_for(robots, ANSWER_WITHIN);
+            let latched =
+                self.ask(&client, &key_expr, within, |robot, voices| heard.says(robot, voices)).await;
+            robots = robots.max(latched.len());
             tokio::time::sleep(pause_for(robots, AGAIN_EVERY)).await;
         }
     }
 
     /// One robot, until it has acknowledged or time is up, and then until its state shows it.
-    async fn one(self, client: Client, robot: Name, crowd: Crowd) -> StopOutcome {
+    async fn one(self, client: Client, robot: Name, crowd: Crowd, heard: Heard) -> StopOutcome {
         let key = client.keys().robot(&robot).estop(Some(client.name()));
         let crowd = Arc::new(crowd); // two tasks, but one robot
         let puts = self.put(&client, key.clone(), Channel::Estop(client.name().clone()), Arc::clone(&crowd));
-        let within = client.round_trip().patience(self.within);
-        let acknowledged = self.acknowledged(&client, key, &robot, &crowd);
+        let within = client.round_trip().patience(self.within + crowd.head_start(AGAIN_EVERY));
+        let mut to_all = heard.voices(&robot);
+        let acknowledged = async {
+            tokio::select! {
+                Ok(voices) = to_all.wait_for(|voices| *voices > 0) => *voices,
+                voices = self.acknowledged(&client, key, &robot, &crowd) => voices,
+            }
+        };
         let Ok(voices) = tokio::time::timeout(within, acknowledged).await else {
             return StopOutcome::Unknown;
         };
         drop(puts);
-        if voices > 1 { StopOutcome::Ambiguous } else { confirm(&client, &robot, &crowd, is_latched).await }
+        if voices > 1 {
+            return StopOutcome::Ambiguous;
+        }
+        let outcome = confirm(&client, &robot, &crowd, is_latched).await;
+        // A second voice may have come later.
+        if *to_all.borrow() > 1 { StopOutcome::Ambiguous } else { outcome }
     }
 
     /// How many programs say in the robot's name that it is latched, once one does. A question is asked again
     /// before those before are answered: a slow link costs one round trip.
     async fn acknowledged(self, client: &Client, key: String, robot: &Name, crowd: &Crowd) -> usize {
         let mut asking = JoinSet::new();
-        let (mut next, mut pause) = (tokio::time::Instant::now(), AGAIN_EVERY);
+        let (mut next, mut pause) =
+            (tokio::time::Instant::now() + crowd.head_start(AGAIN_EVERY), AGAIN_EVERY);
         loop {
             tokio::select! {
                 biased;
@@ -131,7 +160,7 @@ impl Call {
                 () = tokio::time::sleep_until(next), if asking.len() < IN_FLIGHT => {
                     let (client, key) = (client.clone(), key.clone());
                     let within = crowd.pause(ANSWER_WITHIN);
-                    asking.spawn(async move { self.ask(&client, &key, within).await });
+                    asking.spawn(async move { self.ask(&client, &key, within, |_, _| ()).await });
                     next = tokio::time::Instant::now() + crowd.pause(pause);
                     pause = longer(pause);
                 }
@@ -139,14 +168,30 @@ impl Call {
         }
     }
 
-    /// Who is said to be latched, and by how many.
-    async fn ask(self, client: &Client, key_expr: &str, within: Duration) -> BTreeMap<Name, usize> {
+    /// Who is said to be latched, and by how many; `say` is told as they come.
+    async fn ask(
+        self,
+        client: &Client,
+        key_expr: &str,
+        within: Duration,
+        say: impl Fn(&Name, usize),
+    ) -> BTreeMap<Name, usize> {
         let mut latched = BTreeMap::new();
         let channel = Channel::Estop(client.name().clone());
         let estop = Estop { id: self.id };
         let within = client.round_trip().patience(within.min(self.within));
         let each = |answer: xtb_bus::Incoming| match answer.decode::<Estopped>() {
-            Ok(Estopped { robot, latched: true }) => *latched.entry(robot).or_default() += 1,
+            // Nobody speaks for another robot.
+            Ok(Estopped { robot, .. })
+                if Key::parse(&answer.key).and_then(|key| key.robot).as_ref() != Some(&robot) =>
+            {
+                tracing::warn!("{} speaks for {robot}", answer.key);
+            }
+            Ok(Estopped { robot, latched: true }) => {
+                let voices = latched.entry(robot.clone()).or_default();
+                *voices += 1;
+                say(&robot, *voices);
+            }
             Ok(Estopped { robot, .. }) => tracing::debug!("{robot} has received it, but is not latched"),
             Err(error) => tracing::warn!("on {}: {error}", answer.key),
         };
@@ -189,9 +234,30 @@ impl Drop for AbortOnDrop {
     }
 }
 
-/// A panic elsewhere does not make the names unreadable.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+/// Who has answered the questions to all, and the most programs that did so in one robot's name.
+#[derive(Debug, Clone, Default)]
+struct Heard(Arc<Mutex<BTreeMap<Name, watch::Sender<usize>>>>);
+
+impl Heard {
+    fn says(&self, robot: &Name, voices: usize) {
+        let mut heard = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        heard.entry(robot.clone()).or_default().send_if_modified(|most| {
+            let more = voices > *most;
+            *most = voices.max(*most);
+            more
+        });
+    }
+
+    /// How many, as they come.
+    fn voices(&self, robot: &Name) -> watch::Receiver<usize> {
+        let mut heard = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        heard.entry(robot.clone()).or_default().subscribe()
+    }
+
+    fn robots(&self) -> Vec<Name> {
+        let heard = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        heard.iter().filter(|(_, voices)| *voices.borrow() > 0).map(|(robot, _)| robot.clone()).collect()
+    }
 }
 
 #[cfg(test)]

@@ -43,6 +43,7 @@ pub mod cars;
 pub mod client;
 mod confirm;
 pub mod control;
+mod crowd;
 pub mod dispatcher_client;
 mod error;
 pub mod estop;

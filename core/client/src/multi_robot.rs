@@ -2,13 +2,12 @@
 //! answers are missing is known by name.
 
 use crate::client::Client;
+use crate::crowd::Crowd;
 use crate::error::{Error, Result};
 use futures_util::{StreamExt, stream};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::pin::pin;
-use std::sync::Arc;
-use std::time::Duration;
 use tokio::task::{JoinError, JoinSet};
 use xtb_protocol::Name;
 
@@ -16,30 +15,6 @@ use xtb_protocol::Name;
 /// somebody has invented from filling the link, and what takes several messages from taking so long with hundreds of
 /// robots that leases run out meanwhile; chosen, not measured.
 const MOST_AT_ONCE: usize = 64;
-
-/// Up to twice as many robots at the same time are each asked again as soon as one alone would be.
-const UNHURRIED: usize = 50;
-/// The most times that a pause gets as long: that of a thousand robots, so that names which somebody has invented delay
-/// nobody further.
-const SLOWEST: usize = 20;
-
-/// All who are being asked at the same time; each has a copy while it is. The more there are, the later one of them is
-/// asked again: else the repetitions for hundreds of robots keep a router from passing on the answers. The first
-/// question to each waits for nobody.
-#[derive(Debug, Clone, Default)]
-pub struct Crowd(Arc<()>);
-
-impl Crowd {
-    /// Before one of them is asked again, where for few `pause` is right.
-    pub(crate) fn pause(&self, pause: Duration) -> Duration {
-        pause_for(Arc::strong_count(&self.0), pause)
-    }
-}
-
-/// Before so many robots are asked again, where for few `pause` is right.
-pub(crate) fn pause_for(robots: usize, pause: Duration) -> Duration {
-    pause * (robots / UNHURRIED).clamp(1, SLOWEST) as u32
-}
 
 /// What comes of each, in their order; not more than some dozens are under way at the same time.
 pub async fn in_turn<Each: Future>(each: impl IntoIterator<Item = Each>) -> Vec<Each::Output> {
@@ -148,6 +123,8 @@ pub struct MultiRobot<Ask> {
     ask: Ask,
     crowd: Crowd,
     asking: JoinSet<(Name, StopOutcome)>,
+    /// At all of them at once.
+    looking: JoinSet<()>,
     outcomes: BTreeMap<Name, StopOutcome>,
     /// To be asked when there is room.
     waiting: BTreeSet<Name>,
@@ -160,8 +137,9 @@ where
 {
     /// Nobody asked yet; `ask` asks one robot.
     pub fn new(client: &Client, ask: Ask) -> Self {
-        let (asking, outcomes, waiting) = (JoinSet::new(), BTreeMap::new(), BTreeSet::new());
-        Self { client: client.clone(), ask, crowd: Crowd::default(), asking, outcomes, waiting }
+        let (asking, looking) = (JoinSet::new(), JoinSet::new());
+        let (outcomes, waiting) = (BTreeMap::new(), BTreeSet::new());
+        Self { client: client.clone(), ask, crowd: Crowd::default(), asking, looking, outcomes, waiting }
     }
 
     /// Asks these at once, unless they have been asked.
@@ -216,12 +194,13 @@ where
         self.fill();
     }
 
-    /// Asks everybody as soon as they are heard of. Who is known without asking comes first; neither
+    /// Asks everybody as soon as they are heard of. Who is `known` without asking comes first; neither
     /// question waits for the other, and none of them, slow or failed, keeps the others from being
     /// asked. Only those whom nobody but a simulator's roster names wait for room.
-    pub async fn call_all(&mut self, expect: &[Name]) -> MissingInfo {
+    pub async fn call_all(&mut self, expect: &[Name], known: &[Name]) -> MissingInfo {
         let client = self.client.clone();
-        self.call(client.told_roster(expect));
+        self.looking = self.crowd.together(&client);
+        self.call(known.iter().cloned().chain(client.told_roster(expect)));
         let (mut alive, mut roster) = (pin!(client.alive()), pin!(client.roster(expect)));
         let (mut there, mut should) = (None, None);
         loop {
@@ -257,7 +236,8 @@ mod tests {
     use crate::error::ErrorKind;
     use crate::fake::name;
     use std::cell::Cell;
-    use std::sync::Mutex;
+    use std::sync::{Arc, Mutex};
+    use std::time::Duration;
     use tokio::sync::watch;
     use xtb_bus::Question;
     use xtb_protocol::codec::Format;
@@ -291,7 +271,7 @@ mod tests {
                 StopOutcome::Absent
             }
         });
-        assert!(calls.call_all(&[]).await.none());
+        assert!(calls.call_all(&[], &[]).await.none());
         let at_once = asked.lock().unwrap().clone();
         assert!(at_once.contains(&there));
         assert!((MOST_AT_ONCE..=MOST_AT_ONCE + 1).contains(&at_once.len()), "{}", at_once.len());
@@ -319,19 +299,6 @@ mod tests {
         });
         assert_eq!(in_turn(each).await, (0..200).collect::<Vec<_>>());
         assert_eq!(most.get(), MOST_AT_ONCE);
-    }
-
-    #[test]
-    fn the_more_are_asked_the_later_each_is_asked_again() {
-        let (crowd, pause) = (Crowd::default(), Duration::from_millis(50));
-        let mut asked = vec![crowd.clone(); 98];
-        assert_eq!(crowd.pause(pause), pause);
-        asked.resize(499, crowd.clone());
-        assert_eq!(crowd.pause(pause), 10 * pause);
-        asked.resize(99_999, crowd.clone());
-        assert_eq!(crowd.pause(pause), 20 * pause);
-        asked.clear();
-        assert_eq!(crowd.pause(pause), pause);
     }
 
     #[test]

@@ -3,8 +3,9 @@
 
 use crate::client::{Client, accepted};
 use crate::confirm::confirm;
+use crate::crowd::Crowd;
 use crate::error::Error;
-use crate::multi_robot::{Crowd, MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
+use crate::multi_robot::{MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
 use std::collections::BTreeMap;
 use xtb_control::Mode;
 use xtb_identity::Action;
@@ -19,10 +20,7 @@ pub async fn stop(client: &Client, targets: &Targets) -> (StopReport, MissingInf
     }
     let mut stops = MultiRobot::new(client, one);
     let missing = match targets {
-        Targets::All { expect, known } => {
-            stops.call(known.iter().cloned());
-            stops.call_all(expect).await
-        }
+        Targets::All { expect, known } => stops.call_all(expect, known).await,
         Targets::Robots(robots) => {
             stops.call(robots.iter().cloned());
             MissingInfo::default()
@@ -123,7 +121,7 @@ mod tests {
             question.reply(&roster_key, &Roster { robots: Vec::new() }, Format::Json).await.unwrap();
         };
         let mut stops = MultiRobot::new(&client, one);
-        let (missing, ()) = tokio::join!(stops.call_all(&[]), world);
+        let (missing, ()) = tokio::join!(stops.call_all(&[], &[]), world);
         assert!(missing.none(), "{missing:?}");
         assert_eq!(stops.outcomes().await, BTreeMap::from([(name("xtb-1"), StopOutcome::Stopped)]));
     }
@@ -136,7 +134,7 @@ mod tests {
         let (_rosters, _unanswered) = questions(&client, &client.keys().sim_roster()).await;
         let _token = client.bus().declare_alive(&keys.alive()).await.unwrap();
         let mut stops = MultiRobot::new(&client, one);
-        let missing = stops.call_all(&[]).await;
+        let missing = stops.call_all(&[], &[]).await;
         assert!(missing.no_roster && missing.alive.is_none(), "{missing:?}");
         assert!(stops.outcomes().await.contains_key(&robot));
     }
