@@ -145,7 +145,25 @@ async fn states(client: Client, robot: Name, within: Duration) -> Vec<RobotState
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake;
+    use crate::fake::{self, FakeRobot, name};
+    use xtb_protocol::messages::Latch;
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn looks_at_all_of_many_show_who_stands_and_who_drives_on() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let robots = [FakeRobot::start(&client, "xtb-1").await, FakeRobot::start(&client, "xtb-2").await];
+        robots[0].lock().state.latches.push(fake::latch(Latch::Estop, "me", false));
+        let crowd = Crowd::default();
+        let _many = vec![crowd.clone(); 100];
+        let _looking = crowd.together(&client);
+        let latched = |state: &RobotState| !state.latches.is_empty();
+        assert_eq!(seen(&name("xtb-1"), &crowd, latched).await, StopOutcome::Stopped);
+        let other = name("xtb-2");
+        tokio::select! {
+            outcome = seen(&other, &crowd, latched) => panic!("it drives on: {outcome:?}"),
+            () = async { let mut looks = crowd.looks(); for _ in 0..4 { looks.next().await; } } => {}
+        }
+    }
 
     fn state(epoch: u64, seq: u64) -> RobotState {
         RobotState { epoch, seq, ..fake::state("xtb-1") }

@@ -21,9 +21,9 @@ const UNHURRIED: usize = 50;
 /// nobody further.
 const SLOWEST: usize = 20;
 
-/// Between two looks at all robots, where for few it would be this; a look may take twice as long, a later one
+/// Between two looks at all robots, where for few it would be this; a look may take four times as long, a later one
 /// [`LOOKS_LONGER`] times that.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
+const LOOK_EVERY: Duration = Duration::from_millis(25);
 const LOOKS_LONGER: u32 = 4;
 
 /// All who are being asked at the same time; each has a copy while it is.
@@ -51,7 +51,8 @@ pub(crate) struct Look {
 impl Crowd {
     /// Before one of them is asked again, where for few `pause` is right.
     pub(crate) fn pause(&self, pause: Duration) -> Duration {
-        pause_for(Arc::strong_count(&self.0), pause)
+        let robots = Arc::strong_count(&self.0);
+        pause * (robots / UNHURRIED).clamp(1, SLOWEST) as u32
     }
 
     fn are_many(&self) -> bool {
@@ -77,7 +78,7 @@ impl Crowd {
         loop {
             self.0.wanted.notified().await;
             if self.are_many() {
-                let look = Look::take(&client, self.pause(2 * LOOK_EVERY) * longer).await;
+                let look = Look::take(&client, self.pause(4 * LOOK_EVERY) * longer).await;
                 self.0.looks.send_replace(Some(Arc::new(look)));
                 longer = (longer * 2).min(LOOKS_LONGER);
                 tokio::time::sleep(self.pause(LOOK_EVERY)).await;
@@ -89,11 +90,6 @@ impl Crowd {
     pub(crate) fn looks(&self) -> Looks<'_> {
         Looks { crowd: self, looks: self.0.looks.subscribe(), since: Instant::now() }
     }
-}
-
-/// Before so many robots are asked again, where for few `pause` is right.
-pub(crate) fn pause_for(robots: usize, pause: Duration) -> Duration {
-    pause * (robots / UNHURRIED).clamp(1, SLOWEST) as u32
 }
 
 impl Look {
@@ -144,6 +140,48 @@ impl Looks<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fake::{self, FakeRobot, name};
+    use xtb_bus::Question;
+    use xtb_protocol::codec::Format;
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_look_shows_who_is_there_and_nobody_speaks_for_another_robot() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let _robot = FakeRobot::start(&client, "xtb-1").await;
+        let (key, runtime) = (client.keys().robot(&name("xtb-2")).state(), tokio::runtime::Handle::current());
+        let own_key = key.clone();
+        let another = move |question: Question| {
+            let own_key = own_key.clone();
+            runtime.spawn(async move {
+                question.reply(&own_key, &fake::state("xtb-1"), Format::Postcard).await.unwrap();
+            });
+        };
+        let _another = client.bus().serve(&key, another).await.unwrap();
+        let crowd = Crowd::default();
+        let _many = vec![crowd.clone(); 100];
+        let _looking = crowd.together(&client);
+        let mut looks = crowd.looks();
+        let (first, second) = (looks.next().await, looks.next().await);
+        assert!(first.asked >= looks.since && second.asked > first.asked);
+        for look in [first, second] {
+            assert_eq!(look.alive.as_ref().unwrap(), &BTreeSet::from([name("xtb-1")]));
+            assert_eq!(look.states(&name("xtb-1")).len(), 1);
+            assert!(look.states(&name("xtb-2")).is_empty());
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn only_one_of_many_who_are_asked_together_is_asked_by_itself_later() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let (crowd, pause) = (Crowd::default(), Duration::from_millis(50));
+        let mut asked = vec![crowd.clone(); 499];
+        assert_eq!(crowd.head_start(pause), Duration::ZERO);
+        let looking = crowd.together(&client);
+        assert_eq!(crowd.head_start(pause), 10 * pause);
+        asked.truncate(50);
+        assert_eq!(crowd.head_start(pause), Duration::ZERO);
+        drop(looking);
+    }
 
     #[test]
     fn the_more_are_asked_the_later_each_is_asked_again() {

@@ -8,7 +8,7 @@
 
 use crate::client::Client;
 use crate::confirm::confirm;
-use crate::crowd::{Crowd, pause_for};
+use crate::crowd::Crowd;
 use crate::multi_robot::{MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
 use crate::stop::not_sent;
 use futures_util::FutureExt;
@@ -32,6 +32,8 @@ const AGAIN_MOST: Duration = Duration::from_millis(400);
 const IN_FLIGHT: usize = 16;
 /// A question that is not answered for so long is asked anew.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
+/// Of hundreds each has longer to acknowledge it: this, as much longer as their pauses are.
+const LATER: Duration = Duration::from_millis(200);
 /// A lost link is waited for so long.
 pub const LINK_WITHIN: Duration = Duration::from_secs(60);
 
@@ -77,12 +79,12 @@ impl Call {
 
     /// Who is told, who is known, who is there, and who answers without being any of these.
     async fn everybody(self, client: &Client, expect: &[Name], known: &[Name]) -> (StopReport, MissingInfo) {
-        let me = client.name().clone();
-        let _puts =
-            self.put(client, client.keys().estop_all(Some(&me)), Channel::EstopAll(me), Arc::default());
-        let heard = Heard::default();
-        let _asking = AbortOnDrop(tokio::spawn(self.ask_everybody(client.clone(), heard.clone())));
+        let (me, heard) = (client.name().clone(), Heard::default());
         let mut calls = self.calls(client, &heard);
+        let crowd = Arc::new(calls.crowd());
+        let key = client.keys().estop_all(Some(&me));
+        let _puts = self.put(client, key, Channel::EstopAll(me), Arc::clone(&crowd), Duration::ZERO);
+        let _asking = AbortOnDrop(tokio::spawn(self.ask_everybody(client.clone(), crowd, heard.clone())));
         let missing = calls.call_all(expect, known).await;
         let mut robots = calls.outcomes().await;
         // Who has answered a question to all, and is none of those asked by name or did not answer that.
@@ -105,29 +107,26 @@ impl Call {
         })
     }
 
-    async fn ask_everybody(self, client: Client, heard: Heard) {
+    async fn ask_everybody(self, client: Client, crowd: Arc<Crowd>, heard: Heard) {
         let key_expr = client.keys().any_robot().estop(Some(client.name()));
-        let mut robots = 0;
-        loop {
-            let within = pause_for(robots, ANSWER_WITHIN);
-            let latched =
-                self.ask(&client, &key_expr, within, |robot, voices| heard.says(robot, voices)).await;
-            robots = robots.max(latched.len());
-            tokio::time::sleep(pause_for(robots, AGAIN_EVERY)).await;
-        }
+        self.ask_again(&client, &key_expr, &crowd, Duration::ZERO, &heard, |_| None).await
     }
 
     /// One robot, until it has acknowledged or time is up, and then until its state shows it.
     async fn one(self, client: Client, robot: Name, crowd: Crowd, heard: Heard) -> StopOutcome {
         let key = client.keys().robot(&robot).estop(Some(client.name()));
         let crowd = Arc::new(crowd); // two tasks, but one robot
-        let puts = self.put(&client, key.clone(), Channel::Estop(client.name().clone()), Arc::clone(&crowd));
-        let within = client.round_trip().patience(self.within + crowd.head_start(AGAIN_EVERY));
-        let mut to_all = heard.voices(&robot);
+        // What goes to all reaches it too.
+        let first = crowd.head_start(AGAIN_EVERY);
+        let channel = Channel::Estop(client.name().clone());
+        let puts = self.put(&client, key.clone(), channel, Arc::clone(&crowd), first);
+        let within = client.round_trip().patience(self.within(&crowd));
+        let (mut to_all, to_it) = (heard.voices(&robot), Heard::default());
+        let voices = |latched: BTreeMap<Name, usize>| latched.get(&robot).copied();
         let acknowledged = async {
             tokio::select! {
                 Ok(voices) = to_all.wait_for(|voices| *voices > 0) => *voices,
-                voices = self.acknowledged(&client, key, &robot, &crowd) => voices,
+                voices = self.ask_again(&client, &key, &crowd, first, &to_it, voices) => voices,
             }
         };
         let Ok(voices) = tokio::time::timeout(within, acknowledged).await else {
@@ -142,25 +141,31 @@ impl Call {
         if *to_all.borrow() > 1 { StopOutcome::Ambiguous } else { outcome }
     }
 
-    /// How many programs say in the robot's name that it is latched, once one does. A question is asked again
-    /// before those before are answered: a slow link costs one round trip.
-    async fn acknowledged(self, client: &Client, key: String, robot: &Name, crowd: &Crowd) -> usize {
+    /// Asks after `first` and again and again, until the answers to one of the questions are `enough`; `heard` is told
+    /// each as it comes. A question is asked again before those before are answered: a slow link costs one round trip.
+    async fn ask_again<T>(
+        self,
+        client: &Client,
+        key_expr: &str,
+        crowd: &Crowd,
+        first: Duration,
+        heard: &Heard,
+        enough: impl Fn(BTreeMap<Name, usize>) -> Option<T>,
+    ) -> T {
         let mut asking = JoinSet::new();
-        let (mut next, mut pause) =
-            (tokio::time::Instant::now() + crowd.head_start(AGAIN_EVERY), AGAIN_EVERY);
+        let (mut next, mut pause) = (tokio::time::Instant::now() + first, AGAIN_EVERY);
         loop {
             tokio::select! {
                 biased;
                 Some(latched) = asking.join_next() => {
-                    let latched: BTreeMap<Name, usize> = latched.unwrap_or_default();
-                    if let Some(voices) = latched.get(robot) {
-                        return *voices;
+                    if let Some(enough) = enough(latched.unwrap_or_default()) {
+                        return enough;
                     }
                 }
                 () = tokio::time::sleep_until(next), if asking.len() < IN_FLIGHT => {
-                    let (client, key) = (client.clone(), key.clone());
-                    let within = crowd.pause(ANSWER_WITHIN);
-                    asking.spawn(async move { self.ask(&client, &key, within, |_, _| ()).await });
+                    let (client, key_expr, heard) = (client.clone(), key_expr.to_owned(), heard.clone());
+                    let within = crowd.pause(ANSWER_WITHIN).min(self.within(crowd));
+                    asking.spawn(async move { self.ask(&client, &key_expr, within, &heard).await });
                     next = tokio::time::Instant::now() + crowd.pause(pause);
                     pause = longer(pause);
                 }
@@ -168,18 +173,18 @@ impl Call {
         }
     }
 
-    /// Who is said to be latched, and by how many; `say` is told as they come.
+    /// Who is said to be latched, and by how many; `heard` is told as they come.
     async fn ask(
         self,
         client: &Client,
         key_expr: &str,
         within: Duration,
-        say: impl Fn(&Name, usize),
+        heard: &Heard,
     ) -> BTreeMap<Name, usize> {
         let mut latched = BTreeMap::new();
         let channel = Channel::Estop(client.name().clone());
         let estop = Estop { id: self.id };
-        let within = client.round_trip().patience(within.min(self.within));
+        let within = client.round_trip().patience(within);
         let each = |answer: xtb_bus::Incoming| match answer.decode::<Estopped>() {
             // Nobody speaks for another robot.
             Ok(Estopped { robot, .. })
@@ -190,7 +195,7 @@ impl Call {
             Ok(Estopped { robot, latched: true }) => {
                 let voices = latched.entry(robot.clone()).or_default();
                 *voices += 1;
-                say(&robot, *voices);
+                heard.says(&robot, *voices);
             }
             Ok(Estopped { robot, .. }) => tracing::debug!("{robot} has received it, but is not latched"),
             Err(error) => tracing::warn!("on {}: {error}", answer.key),
@@ -201,11 +206,24 @@ impl Call {
         latched
     }
 
-    /// Puts it now and again and again, in a task of its own: a full queue holds up no question.
-    fn put(self, client: &Client, key: String, channel: Channel, crowd: Arc<Crowd>) -> AbortOnDrop {
+    /// Of many robots each has longer to acknowledge.
+    fn within(self, crowd: &Crowd) -> Duration {
+        self.within + crowd.head_start(LATER)
+    }
+
+    /// Puts it after `first` and again and again, in a task of its own: a full queue holds up no question.
+    fn put(
+        self,
+        client: &Client,
+        key: String,
+        channel: Channel,
+        crowd: Arc<Crowd>,
+        first: Duration,
+    ) -> AbortOnDrop {
         let bus = client.bus().clone();
         AbortOnDrop(tokio::spawn(async move {
             let mut pause = AGAIN_EVERY;
+            tokio::time::sleep(first).await;
             loop {
                 if let Err(error) = bus.put(&key, &channel, &Estop { id: self.id }, Format::Postcard).await {
                     tracing::debug!("{error}");
@@ -263,7 +281,7 @@ impl Heard {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fake::{FakeRobot, name};
+    use crate::fake::{self, FakeRobot, name};
 
     fn call(within: Duration) -> Call {
         Call { id: Uuid::from_u128(1), within }
@@ -281,6 +299,48 @@ mod tests {
         assert_eq!(report.robots, expect.into_iter().zip(outcomes).collect::<BTreeMap<_, _>>());
         assert!(!report.complete);
         assert_eq!(there.lock().state.latches[0].latch, Latch::Estop);
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn what_a_robot_answers_to_all_acknowledges_it_and_its_state_has_to_show_it() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let robot = FakeRobot::start(&client, "xtb-1").await;
+        robot.lock().mute = true; // it does not answer the questions to itself
+        for (voices, latched, outcome) in [
+            (1, false, StopOutcome::Unconfirmed),
+            (1, true, StopOutcome::Stopped),
+            (2, true, StopOutcome::Ambiguous),
+        ] {
+            if latched {
+                robot.lock().state.latches = vec![fake::latch(Latch::Estop, "me", false)];
+            }
+            let heard = Heard::default();
+            heard.says(&name("xtb-1"), voices);
+            assert_eq!(heard.robots(), [name("xtb-1")]);
+            let one =
+                call(Duration::from_secs(30)).one(client.clone(), name("xtb-1"), Crowd::default(), heard);
+            assert_eq!(one.await, outcome);
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn nobody_acknowledges_for_another_robot() {
+        let client = Client::alone(Duration::from_secs(30)).await;
+        let keys = client.keys().robot(&name("xtb-2"));
+        let (own_key, runtime) = (keys.estop(Some(client.name())), tokio::runtime::Handle::current());
+        let liar = move |question: xtb_bus::Question| {
+            let own_key = own_key.clone();
+            runtime.spawn(async move {
+                let reply = Estopped { robot: name("xtb-1"), latched: true };
+                question.reply(&own_key, &reply, Format::Postcard).await.unwrap();
+            });
+        };
+        let _liar = client.bus().serve(&keys.estop(None), liar).await.unwrap();
+        let _robot = FakeRobot::start(&client, "xtb-3").await;
+        let key_expr = client.keys().any_robot().estop(Some(client.name()));
+        let within = Duration::from_secs(30);
+        let latched = call(within).ask(&client, &key_expr, within, &Heard::default()).await;
+        assert_eq!(latched, BTreeMap::from([(name("xtb-3"), 1)]));
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

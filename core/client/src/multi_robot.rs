@@ -16,10 +16,15 @@ use xtb_protocol::Name;
 /// robots that leases run out meanwhile; chosen, not measured.
 const MOST_AT_ONCE: usize = 64;
 
-/// What comes of each, in their order; not more than some dozens are under way at the same time.
+/// What comes of each, in their order; not more than some dozens are under way at the same time, and one that takes
+/// long holds up only its own place.
 pub async fn in_turn<Each: Future>(each: impl IntoIterator<Item = Each>) -> Vec<Each::Output> {
-    let each: Vec<Each> = each.into_iter().collect(); // of an iterator with closures, rustc cannot tell whether it is Send
-    stream::iter(each).buffered(MOST_AT_ONCE).collect().await
+    let numbered = |(number, one): (usize, Each)| async move { (number, one.await) };
+    // Of an iterator with closures, rustc cannot tell whether it is Send.
+    let each: Vec<_> = each.into_iter().enumerate().map(numbered).collect();
+    let mut results: Vec<_> = stream::iter(each).buffer_unordered(MOST_AT_ONCE).collect().await;
+    results.sort_unstable_by_key(|(number, _)| *number);
+    results.into_iter().map(|(_, result)| result).collect()
 }
 
 /// Whom to stop.
@@ -140,6 +145,11 @@ where
         let (asking, looking) = (JoinSet::new(), JoinSet::new());
         let (outcomes, waiting) = (BTreeMap::new(), BTreeSet::new());
         Self { client: client.clone(), ask, crowd: Crowd::default(), asking, looking, outcomes, waiting }
+    }
+
+    /// All who are being asked.
+    pub(crate) fn crowd(&self) -> Crowd {
+        self.crowd.clone()
     }
 
     /// Asks these at once, unless they have been asked.
@@ -289,12 +299,16 @@ mod tests {
 
     #[tokio::test]
     async fn some_dozens_are_under_way_at_the_same_time_and_results_keep_their_order() {
-        let (begun, most) = (&Cell::new(0_usize), &Cell::new(0));
+        let (begun, most, ended) = (&Cell::new(0_usize), &Cell::new(0), &Cell::new(0));
         let each = (0..200).map(|i| async move {
             begun.set(begun.get() + 1);
             most.set(begun.get().max(most.get()));
             tokio::task::yield_now().await;
             begun.set(begun.get() - 1);
+            ended.set(ended.get() + 1);
+            while i == 0 && ended.get() < 200 {
+                tokio::task::yield_now().await; // the first takes longest
+            }
             i
         });
         assert_eq!(in_turn(each).await, (0..200).collect::<Vec<_>>());
