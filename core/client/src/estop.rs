@@ -32,6 +32,8 @@ const AGAIN_MOST: Duration = Duration::from_millis(400);
 const IN_FLIGHT: usize = 16;
 /// A question that is not answered for so long is asked anew.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
+/// Of a question to all no answer is taken after so long.
+const ALL_ANSWER_WITHIN: Duration = Duration::from_secs(2);
 /// Of hundreds each has longer to acknowledge it: this, as much longer as their pauses are.
 const LATER: Duration = Duration::from_millis(200);
 /// A lost link is waited for so long.
@@ -108,8 +110,18 @@ impl Call {
     }
 
     async fn ask_everybody(self, client: Client, crowd: Arc<Crowd>, heard: Heard) {
-        let key_expr = client.keys().any_robot().estop(Some(client.name()));
-        self.ask_again(&client, &key_expr, &crowd, Duration::ZERO, &heard, |_| None).await
+        let (mut asking, mut pause) = (JoinSet::new(), AGAIN_EVERY);
+        loop {
+            if asking.len() < IN_FLIGHT {
+                let (client, heard) = (client.clone(), heard.clone());
+                let key_expr = client.keys().any_robot().estop(Some(client.name()));
+                let within = crowd.pause(ALL_ANSWER_WITHIN).min(self.within(&crowd));
+                asking.spawn(async move { self.ask(&client, &key_expr, within, &heard).await });
+            }
+            tokio::time::sleep(crowd.pause(pause)).await;
+            pause = (pause * 2).min(AGAIN_MOST);
+            while asking.try_join_next().is_some() {}
+        }
     }
 
     /// One robot, until it has acknowledged or time is up, and then until its state shows it.
@@ -121,12 +133,11 @@ impl Call {
         let channel = Channel::Estop(client.name().clone());
         let puts = self.put(&client, key.clone(), channel, Arc::clone(&crowd), first);
         let within = client.round_trip().patience(self.within(&crowd));
-        let (mut to_all, to_it) = (heard.voices(&robot), Heard::default());
-        let voices = |latched: BTreeMap<Name, usize>| latched.get(&robot).copied();
+        let mut to_all = heard.voices(&robot);
         let acknowledged = async {
             tokio::select! {
                 Ok(voices) = to_all.wait_for(|voices| *voices > 0) => *voices,
-                voices = self.ask_again(&client, &key, &crowd, first, &to_it, voices) => voices,
+                voices = self.acknowledged(&client, key, &robot, &crowd, first) => voices,
             }
         };
         let Ok(voices) = tokio::time::timeout(within, acknowledged).await else {
@@ -141,31 +152,31 @@ impl Call {
         if *to_all.borrow() > 1 { StopOutcome::Ambiguous } else { outcome }
     }
 
-    /// Asks after `first` and again and again, until the answers to one of the questions are `enough`; `heard` is told
-    /// each as it comes. A question is asked again before those before are answered: a slow link costs one round trip.
-    async fn ask_again<T>(
+    /// How many programs say in the robot's name that it is latched, once one does; asked after `first`. A question is
+    /// asked again before those before are answered: a slow link costs one round trip.
+    async fn acknowledged(
         self,
         client: &Client,
-        key_expr: &str,
+        key: String,
+        robot: &Name,
         crowd: &Crowd,
         first: Duration,
-        heard: &Heard,
-        enough: impl Fn(BTreeMap<Name, usize>) -> Option<T>,
-    ) -> T {
+    ) -> usize {
         let mut asking = JoinSet::new();
         let (mut next, mut pause) = (tokio::time::Instant::now() + first, AGAIN_EVERY);
         loop {
             tokio::select! {
                 biased;
                 Some(latched) = asking.join_next() => {
-                    if let Some(enough) = enough(latched.unwrap_or_default()) {
-                        return enough;
+                    let latched: BTreeMap<Name, usize> = latched.unwrap_or_default();
+                    if let Some(voices) = latched.get(robot) {
+                        return *voices;
                     }
                 }
                 () = tokio::time::sleep_until(next), if asking.len() < IN_FLIGHT => {
-                    let (client, key_expr, heard) = (client.clone(), key_expr.to_owned(), heard.clone());
+                    let (client, key) = (client.clone(), key.clone());
                     let within = crowd.pause(ANSWER_WITHIN).min(self.within(crowd));
-                    asking.spawn(async move { self.ask(&client, &key_expr, within, &heard).await });
+                    asking.spawn(async move { self.ask(&client, &key, within, &Heard::default()).await });
                     next = tokio::time::Instant::now() + crowd.pause(pause);
                     pause = longer(pause);
                 }
