@@ -204,7 +204,8 @@ impl Bus {
     }
 
     /// Asks everybody on `key_expr` with a message, as its channel is to be treated, and hands each
-    /// answer on as it comes, until all have answered or `within` is over.
+    /// answer on as it comes, until all have answered or `within` is over. Answers are sent as the question was, and
+    /// those of many robots would fill a queue of messages that wait for no other: a question to each robot is none.
     ///
     /// # Errors
     /// [`BusError::Encode`], or [`BusError::Operation`] if the question could not be sent. No answer is
@@ -226,7 +227,7 @@ impl Bus {
             .consolidation(ConsolidationMode::None)
             .congestion_control(congestion(channel))
             .priority(priority(channel))
-            .express(channel.qos().express)
+            .express(channel.qos().express && !received::is_to_each_robot(key_expr))
             .timeout(within)
             .callback(inlet)
             .await
