@@ -21,7 +21,7 @@ const UNHURRIED: usize = 50;
 /// nobody further.
 const SLOWEST: usize = 20;
 
-/// Between two looks at all robots, where for few it would be this; a look may take four times as long, a later one
+/// Before a look at all robots, where for few it would be this; a look may take four times as long, a later one
 /// [`LOOKS_LONGER`] times that.
 const LOOK_EVERY: Duration = Duration::from_millis(25);
 const LOOKS_LONGER: u32 = 4;
@@ -78,10 +78,11 @@ impl Crowd {
         loop {
             self.0.wanted.notified().await;
             if self.are_many() {
+                // Commands and their answers go first.
+                tokio::time::sleep(self.pause(LOOK_EVERY)).await;
                 let look = Look::take(&client, self.pause(4 * LOOK_EVERY) * longer).await;
                 self.0.looks.send_replace(Some(Arc::new(look)));
                 longer = (longer * 2).min(LOOKS_LONGER);
-                tokio::time::sleep(self.pause(LOOK_EVERY)).await;
             }
         }
     }
