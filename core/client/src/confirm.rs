@@ -158,6 +158,9 @@ mod tests {
         let _looking = crowd.together(&client);
         let latched = |state: &RobotState| !state.latches.is_empty();
         assert_eq!(seen(&name("xtb-1"), &crowd, latched).await, StopOutcome::Stopped);
+        let another = client.another().await;
+        let _second = FakeRobot::start(&another, "xtb-1").await; // of the same name
+        assert_eq!(seen(&name("xtb-1"), &crowd, latched).await, StopOutcome::Ambiguous);
         let other = name("xtb-2");
         tokio::select! {
             outcome = seen(&other, &crowd, latched) => panic!("it drives on: {outcome:?}"),

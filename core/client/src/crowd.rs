@@ -12,7 +12,6 @@ use tokio::sync::{Notify, watch};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 use xtb_protocol::Name;
-use xtb_protocol::keys::Key;
 use xtb_protocol::messages::RobotState;
 
 /// Up to twice as many robots at the same time are each asked again as soon as one alone would be.
@@ -101,12 +100,8 @@ impl Look {
         let (alive, answers) = tokio::join!(client.alive(), client.bus().get(&key_expr, within));
         let answers = answers.inspect_err(|error| tracing::debug!("{error}")).unwrap_or_default();
         let mut states = BTreeMap::<Name, Vec<RobotState>>::new();
-        for answer in answers {
-            let Ok(state) = answer.decode::<RobotState>() else { continue };
-            // Nobody speaks for another robot.
-            if Key::parse(&answer.key).and_then(|key| key.robot).as_ref() == Some(&state.robot) {
-                states.entry(state.robot.clone()).or_default().push(state);
-            }
+        for state in answers.iter().filter_map(|answer| answer.decode::<RobotState>().ok()) {
+            states.entry(state.robot.clone()).or_default().push(state);
         }
         Self { asked, alive, states }
     }

@@ -2,8 +2,8 @@
 //!
 //! It is put again and again until each robot has acknowledged it or time is up, and asked beside that: the
 //! answer, that the latch is set, is the acknowledgement, and the robot's own state has to show it. For all
-//! robots it is put at once on the key that every robot hears, before anybody knows who they are, and asked so;
-//! what one of hundreds answers to that counts as its acknowledgement. A link that is lost is waited for, up to
+//! robots it is put at once on the key that every robot hears, before anybody knows who they are, and asked of all;
+//! what a robot answers to that is its acknowledgement. A link that is lost is waited for, up to
 //! [`LINK_WITHIN`].
 
 use crate::client::Client;
@@ -20,7 +20,7 @@ use tokio::sync::watch;
 use tokio::task::{JoinHandle, JoinSet};
 use xtb_identity::Action;
 use xtb_protocol::codec::Format;
-use xtb_protocol::keys::{Channel, Key};
+use xtb_protocol::keys::Channel;
 use xtb_protocol::messages::{Estop, Estopped, Latch, RobotState};
 use xtb_protocol::{Name, Uuid};
 
@@ -197,12 +197,6 @@ impl Call {
         let estop = Estop { id: self.id };
         let within = client.round_trip().patience(within);
         let each = |answer: xtb_bus::Incoming| match answer.decode::<Estopped>() {
-            // Nobody speaks for another robot.
-            Ok(Estopped { robot, .. })
-                if Key::parse(&answer.key).and_then(|key| key.robot).as_ref() != Some(&robot) =>
-            {
-                tracing::warn!("{} speaks for {robot}", answer.key);
-            }
             Ok(Estopped { robot, latched: true }) => {
                 let voices = latched.entry(robot.clone()).or_default();
                 *voices += 1;
