@@ -9,15 +9,15 @@
 use crate::client::Client;
 use crate::confirm::confirm;
 use crate::crowd::Crowd;
+use crate::heard::{AbortOnDrop, Heard};
 use crate::multi_robot::{MissingInfo, MultiRobot, StopOutcome, StopReport, Targets};
 use crate::stop::not_sent;
 use futures_util::FutureExt;
 use futures_util::future::BoxFuture;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::sync::watch;
-use tokio::task::{JoinHandle, JoinSet};
+use tokio::task::JoinSet;
 use xtb_identity::Action;
 use xtb_protocol::codec::Format;
 use xtb_protocol::keys::Channel;
@@ -88,20 +88,13 @@ impl Call {
         let _puts = self.put(client, key, Channel::EstopAll(me), Arc::clone(&crowd), Duration::ZERO);
         let _asking = AbortOnDrop(tokio::spawn(self.ask_everybody(client.clone(), crowd, heard.clone())));
         let missing = calls.call_all(expect, known).await;
-        let mut robots = calls.outcomes().await;
-        // Who has answered a question to all, and is none of those asked by name or did not answer that.
-        let unsaid = |robot: &Name| matches!(robots.get(robot), None | Some(StopOutcome::Unknown));
-        let late: Vec<Name> = heard.robots().into_iter().filter(unsaid).collect();
-        let mut others = self.calls(client, &heard);
-        others.call(late);
-        robots.extend(others.outcomes().await);
-        (StopReport::new(robots, &missing), missing)
+        (StopReport::new(calls.outcomes_and_of(&heard).await, &missing), missing)
     }
 
     fn calls(
         self,
         client: &Client,
-        heard: &Heard,
+        heard: &Heard<()>,
     ) -> MultiRobot<impl Fn(Client, Name, Crowd) -> BoxFuture<'static, StopOutcome> + use<>> {
         let heard = heard.clone();
         MultiRobot::new(client, move |client, robot, crowd| {
@@ -109,7 +102,7 @@ impl Call {
         })
     }
 
-    async fn ask_everybody(self, client: Client, crowd: Arc<Crowd>, heard: Heard) {
+    async fn ask_everybody(self, client: Client, crowd: Arc<Crowd>, heard: Heard<()>) {
         let (mut asking, mut pause) = (JoinSet::new(), AGAIN_EVERY);
         loop {
             if asking.len() < IN_FLIGHT {
@@ -125,7 +118,7 @@ impl Call {
     }
 
     /// One robot, until it has acknowledged or time is up, and then until its state shows it.
-    async fn one(self, client: Client, robot: Name, crowd: Crowd, heard: Heard) -> StopOutcome {
+    async fn one(self, client: Client, robot: Name, crowd: Crowd, heard: Heard<()>) -> StopOutcome {
         let key = client.keys().robot(&robot).estop(Some(client.name()));
         let crowd = Arc::new(crowd); // two tasks, but one robot
         // What goes to all reaches it too.
@@ -133,10 +126,10 @@ impl Call {
         let channel = Channel::Estop(client.name().clone());
         let puts = self.put(&client, key.clone(), channel, Arc::clone(&crowd), first);
         let within = client.round_trip().patience(self.within(&crowd));
-        let mut to_all = heard.voices(&robot);
+        let mut to_all = heard.answers(&robot);
         let acknowledged = async {
             tokio::select! {
-                Ok(voices) = to_all.wait_for(|voices| *voices > 0) => *voices,
+                Ok(answers) = to_all.wait_for(|answers| !answers.is_empty()) => answers.len(),
                 voices = self.acknowledged(&client, key, &robot, &crowd, first) => voices,
             }
         };
@@ -149,7 +142,7 @@ impl Call {
         }
         let outcome = confirm(&client, &robot, &crowd, is_latched).await;
         // A second voice may have come later.
-        if *to_all.borrow() > 1 { StopOutcome::Ambiguous } else { outcome }
+        if to_all.borrow().len() > 1 { StopOutcome::Ambiguous } else { outcome }
     }
 
     /// How many programs say in the robot's name that it is latched, once one does; asked after `first`. A question is
@@ -168,9 +161,9 @@ impl Call {
             tokio::select! {
                 biased;
                 Some(latched) = asking.join_next() => {
-                    let latched: BTreeMap<Name, usize> = latched.unwrap_or_default();
-                    if let Some(voices) = latched.get(robot) {
-                        return *voices;
+                    let latched: BTreeMap<Name, Vec<()>> = latched.unwrap_or_default();
+                    if let Some(answers) = latched.get(robot) {
+                        return answers.len();
                     }
                 }
                 () = tokio::time::sleep_until(next), if asking.len() < IN_FLIGHT => {
@@ -190,17 +183,17 @@ impl Call {
         client: &Client,
         key_expr: &str,
         within: Duration,
-        heard: &Heard,
-    ) -> BTreeMap<Name, usize> {
+        heard: &Heard<()>,
+    ) -> BTreeMap<Name, Vec<()>> {
         let mut latched = BTreeMap::new();
         let channel = Channel::Estop(client.name().clone());
         let estop = Estop { id: self.id };
         let within = client.round_trip().patience(within);
         let each = |answer: xtb_bus::Incoming| match answer.decode::<Estopped>() {
             Ok(Estopped { robot, latched: true }) => {
-                let voices = latched.entry(robot.clone()).or_default();
-                *voices += 1;
-                heard.says(&robot, *voices);
+                let answers: &mut Vec<()> = latched.entry(robot.clone()).or_default();
+                answers.push(());
+                heard.says(&robot, answers);
             }
             Ok(Estopped { robot, .. }) => tracing::debug!("{robot} has received it, but is not latched"),
             Err(error) => tracing::warn!("on {}: {error}", answer.key),
@@ -248,41 +241,6 @@ fn is_latched(state: &RobotState) -> bool {
     state.latches.iter().any(|set| set.latch == Latch::Estop)
 }
 
-/// A task that ends with its owner.
-struct AbortOnDrop(JoinHandle<()>);
-
-impl Drop for AbortOnDrop {
-    fn drop(&mut self) {
-        self.0.abort();
-    }
-}
-
-/// Who has answered the questions to all, and the most programs that did so in one robot's name.
-#[derive(Debug, Clone, Default)]
-struct Heard(Arc<Mutex<BTreeMap<Name, watch::Sender<usize>>>>);
-
-impl Heard {
-    fn says(&self, robot: &Name, voices: usize) {
-        let mut heard = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        heard.entry(robot.clone()).or_default().send_if_modified(|most| {
-            let more = voices > *most;
-            *most = voices.max(*most);
-            more
-        });
-    }
-
-    /// How many, as they come.
-    fn voices(&self, robot: &Name) -> watch::Receiver<usize> {
-        let mut heard = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        heard.entry(robot.clone()).or_default().subscribe()
-    }
-
-    fn robots(&self) -> Vec<Name> {
-        let heard = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        heard.iter().filter(|(_, voices)| *voices.borrow() > 0).map(|(robot, _)| robot.clone()).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -320,7 +278,7 @@ mod tests {
                 robot.lock().state.latches = vec![fake::latch(Latch::Estop, "me", false)];
             }
             let heard = Heard::default();
-            heard.says(&name("xtb-1"), voices);
+            heard.says(&name("xtb-1"), &vec![(); voices]);
             assert_eq!(heard.robots(), [name("xtb-1")]);
             let one =
                 call(Duration::from_secs(30)).one(client.clone(), name("xtb-1"), Crowd::default(), heard);
@@ -345,7 +303,7 @@ mod tests {
         let key_expr = client.keys().any_robot().estop(Some(client.name()));
         let within = Duration::from_secs(30);
         let latched = call(within).ask(&client, &key_expr, within, &Heard::default()).await;
-        assert_eq!(latched, BTreeMap::from([(name("xtb-3"), 1)]));
+        assert_eq!(latched, BTreeMap::from([(name("xtb-3"), vec![()])]));
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -52,6 +52,7 @@ pub mod estop;
 pub mod fake;
 pub mod fleet_view;
 pub mod goal;
+mod heard;
 pub mod map_edit;
 pub mod map_source;
 pub mod messages;

@@ -4,6 +4,7 @@
 use crate::client::Client;
 use crate::crowd::Crowd;
 use crate::error::{Error, Result};
+use crate::heard::Heard;
 use futures_util::{StreamExt, stream};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -233,10 +234,26 @@ where
 
     /// What came of each, once all are answered or given up.
     pub async fn outcomes(mut self) -> BTreeMap<Name, StopOutcome> {
+        self.end().await;
+        self.outcomes
+    }
+
+    /// The same, and then of those who have answered a question to all, and are none of those asked by name or did not
+    /// answer that.
+    pub(crate) async fn outcomes_and_of<A: Clone>(mut self, heard: &Heard<A>) -> BTreeMap<Name, StopOutcome> {
+        self.end().await;
+        for robot in heard.robots() {
+            if matches!(self.outcomes.get(&robot), None | Some(StopOutcome::Unknown)) {
+                self.start(robot);
+            }
+        }
+        self.outcomes().await
+    }
+
+    async fn end(&mut self) {
         while let Some(asked) = self.asking.join_next().await {
             self.ended(asked);
         }
-        self.outcomes
     }
 }
 

@@ -4,8 +4,9 @@ use super::{Client, accepted};
 use crate::error::{Error, ErrorKind, Result};
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
-use xtb_bus::BusError;
+use xtb_bus::{BusError, Incoming};
 use xtb_identity::Action;
+use xtb_protocol::keys::{Channel, Key};
 use xtb_protocol::messages::{Body, Done, Message, Outcome, RejectCode, Reply, Request};
 use xtb_protocol::{Name, Uuid};
 use xtb_robot::operator::{CallStep, Operator};
@@ -30,14 +31,47 @@ impl Client {
     /// request, until `--timeout` is up, or longer on a slow link. An answer counts however late: it is not
     /// waited for before the request is repeated.
     pub async fn carry_out(&self, robot: &Name, operator: &Operator, id: Uuid, body: Body) -> Result<Reply> {
-        let mut replies = self.carry_out_heard(robot, operator, id, body, Duration::ZERO).await?;
+        let mut replies =
+            self.carry_out_heard(robot, operator, id, body, (self.patience(), Duration::ZERO)).await?;
         Ok(replies.swap_remove(0))
     }
 
-    /// The same, with whatever else is answered in the robot's name: one reply, unless there are two programs.
-    pub async fn carry_out_all(&self, robot: &Name, body: Body) -> Result<Vec<Reply>> {
+    /// The same for `later` longer, with whatever else is answered in the robot's name: one reply, unless there are
+    /// two programs.
+    pub(crate) async fn carry_out_all(
+        &self,
+        robot: &Name,
+        id: Uuid,
+        body: Body,
+        later: Duration,
+    ) -> Result<Vec<Reply>> {
         let linger = LINGER.max(self.round_trip().bound() / 4);
-        self.carry_out_heard(robot, &Operator::default(), Uuid::new_v4(), body, linger).await
+        let patience = self.patience() + later;
+        self.carry_out_heard(robot, &Operator::default(), id, body, (patience, linger)).await
+    }
+
+    /// The same of every robot that hears it, each of which answers on its own key; `each` gets their replies as they
+    /// come, but none of those who have no room for it.
+    pub(crate) async fn carry_out_by_all(
+        &self,
+        id: Uuid,
+        body: Body,
+        within: Duration,
+        mut each: impl FnMut(Name, Reply),
+    ) -> Result<()> {
+        self.may(Action::Drive)?;
+        let (key_expr, channel) =
+            (self.keys().any_robot().cmd(Some(self.name())), Channel::Cmd(self.name().clone()));
+        let request = Request { id, lease: None, body };
+        let each = |answer: Incoming| {
+            let robot = Key::parse(&answer.key).and_then(|key| key.robot);
+            if let (Some(robot), Some(reply)) = (robot, super::read::<Reply>(&answer))
+                && !is_turned_away(&reply)
+            {
+                each(robot, reply);
+            }
+        };
+        Ok(self.bus().ask_each(&key_expr, &channel, &request, within, each).await?)
     }
 
     /// At least one reply.
@@ -47,13 +81,13 @@ impl Client {
         operator: &Operator,
         id: Uuid,
         body: Body,
-        linger: Duration,
+        (patience, linger): (Duration, Duration),
     ) -> Result<Vec<Reply>> {
         self.may(Action::Drive)?;
         Request { id, lease: None, body: body.clone() }
             .validate()
             .map_err(|error| Error::new(ErrorKind::Invalid, error.to_string()))?;
-        let (began, patience) = (self.now(), self.patience());
+        let began = self.now();
         let give_up = began.plus_ns(u64::try_from(patience.as_nanos()).unwrap_or(u64::MAX));
         let again_ms = u64::try_from(self.round_trip().ask_again().as_millis()).unwrap_or(u64::MAX);
         let mut call = operator.call(id, body, began, give_up).again_after(again_ms);
@@ -144,11 +178,14 @@ pub(super) enum Answer {
 
 impl Answer {
     pub(super) fn of(replies: Vec<Reply>) -> Self {
-        let overloaded = |reply: &Reply| matches!(&reply.result, Outcome::Error(error) if error.code == RejectCode::Overloaded);
         match replies.as_slice() {
             [] => Self::Missing,
-            all if all.iter().all(overloaded) => Self::TurnedAway,
+            all if all.iter().all(is_turned_away) => Self::TurnedAway,
             _ => Self::Settled(replies),
         }
     }
+}
+
+fn is_turned_away(reply: &Reply) -> bool {
+    matches!(&reply.result, Outcome::Error(error) if error.code == RejectCode::Overloaded)
 }
