@@ -258,10 +258,12 @@ impl Scenario {
 
     fn judge_robot(&mut self, i: usize) -> Result<(), Broken> {
         let (now, robot) = (self.now, i as u8);
-        let mut told = std::mem::take(&mut self.posts[i].told);
-        let heard = told.drain(..).try_for_each(|told| self.hear(robot, told));
-        self.posts[i].told = told;
-        heard?;
+        if !self.posts[i].told.is_empty() {
+            let mut told = std::mem::take(&mut self.posts[i].told);
+            let heard = told.drain(..).try_for_each(|told| self.hear(robot, told));
+            self.posts[i].told = told;
+            heard?;
+        }
         let truck = &self.simulation.trucks()[i];
         let (battery_v, truck) = (truck.battery_v(), truck.truth());
         let motor = truck.motor_counts;

@@ -108,7 +108,7 @@ pub enum Mode {
 }
 
 /// The ten outputs (§4.1).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PwmOutputs {
     /// Below neutral = astern.
     pub motor: PwmCount,
@@ -127,7 +127,7 @@ pub struct PwmOutputs {
 }
 
 /// Everything that one step decided.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Outputs {
     /// The sample's stamp.
     pub t: Stamp,

@@ -154,6 +154,13 @@ impl PwmCount {
     }
 }
 
+impl Default for PwmCount {
+    /// Neutral.
+    fn default() -> Self {
+        Self::NEUTRAL
+    }
+}
+
 impl TryFrom<u16> for PwmCount {
     type Error = OutOfRange;
 

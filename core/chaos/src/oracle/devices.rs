@@ -70,6 +70,12 @@ impl Truth<'_> {
         self.turned && self.plugged[0]
     }
 
+    /// Lines, sensors and battery are as they should be: no clock of theirs runs.
+    fn is_calm(&self) -> bool {
+        let lines = [self.board_line, self.gyro_line] == [InjectedLineFault::None; 2];
+        lines && self.plugged == [true; 2] && self.sensors_well && self.battery_v >= EMPTY_V
+    }
+
     /// Whether all that the board sends reaches the agent.
     fn hears(&self) -> bool {
         self.reaches() && self.board_line == InjectedLineFault::None
@@ -115,6 +121,15 @@ pub(super) struct Demand {
     pub(super) sticks: bool,
 }
 
+/// The same without the transmitter's part.
+#[derive(Debug, Clone, Copy, Default)]
+struct Lost {
+    network: Option<&'static str>,
+    sticks: bool,
+    /// The board is.
+    board: bool,
+}
+
 /// The clocks of one truck's devices. They run on when its agent dies.
 #[derive(Debug, Default)]
 pub(super) struct Devices {
@@ -127,7 +142,8 @@ pub(super) struct Devices {
     board_frozen: Since,
     gyro: Since,
     gyro_frozen: Since,
-    /// No sensor was broken at the last turn.
+    /// Nothing was wrong at the last turn, and no sensor broken.
+    calm: bool,
     sensors_well: bool,
     converter: Since,
     finders: [RangeFinderFault; 2 * SLOTS],
@@ -171,6 +187,21 @@ impl Devices {
 
     /// One turn. What an agent cannot hear it need not obey. `owned`: somebody holds its lease.
     pub(super) fn update(&mut self, now: Turn, truth: &Truth<'_>, owned: bool) -> Demand {
+        let calm = truth.is_calm();
+        let lost = if std::mem::replace(&mut self.calm, calm) && calm {
+            Lost::default()
+        } else {
+            self.lost(now, truth)
+        };
+        let (off, taken_over) = self.transmitter(now, truth, lost.board, owned);
+        let network = (lost.network)
+            .or(off.then_some("the transmitter is off"))
+            .or(taken_over.then_some("the transmitter has taken over"));
+        Demand { network, sticks: lost.sticks }
+    }
+
+    /// What lines, sensors and battery demand.
+    fn lost(&mut self, now: Turn, truth: &Truth<'_>) -> Lost {
         let frozen = |fault| fault == InjectedLineFault::Frozen;
         let dead = |fault| {
             !matches!(
@@ -191,16 +222,14 @@ impl Devices {
         let sensors = self.sensors(now, truth);
         let measured = truth.hears() && !truth.sensors.battery_unmeasured && !truth.sensors.converter_frozen;
         let empty = self.empty.update(now, measured && truth.battery_v < EMPTY_V) > BATTERY;
-        let (off, taken_over) = self.transmitter(now, truth, board || board_frozen, owned);
         let network = (board.then_some("the board's line is broken"))
             .or(board_frozen.then_some("the board repeats one frame"))
             .or(gyro.then_some("the gyro's line is broken"))
             .or(gyro_frozen.then_some("the gyro repeats one frame"))
             .or(sensors)
-            .or(empty.then_some("the battery is empty"))
-            .or(off.then_some("the transmitter is off"))
-            .or(taken_over.then_some("the transmitter has taken over"));
-        Demand { network, sticks: board || board_frozen || gyro_frozen || sensors.is_some() || empty }
+            .or(empty.then_some("the battery is empty"));
+        let board = board || board_frozen;
+        Lost { network, sticks: board || gyro_frozen || sensors.is_some() || empty, board }
     }
 
     fn sensors(&mut self, now: Turn, truth: &Truth<'_>) -> Option<&'static str> {

@@ -196,8 +196,10 @@ impl Robot {
     }
 }
 
+#[inline]
 fn keep_detail(kept: &mut Option<Arc<str>>, trouble: Option<(PortTrouble, &str)>) {
     match trouble {
+        None if kept.is_none() => {}
         None => *kept = None,
         Some((_, words)) if kept.as_deref() != Some(words) => *kept = Some(words.into()),
         Some(_) => {}
