@@ -55,12 +55,7 @@ pub(crate) fn not_sent(error: Error) -> (StopReport, MissingInfo) {
 }
 
 async fn ask_everybody(client: Client, id: Uuid, heard: Heard<Reply>) {
-    let mut replies = BTreeMap::<Name, Vec<Reply>>::new();
-    let each = |robot: Name, reply| {
-        let replies = replies.entry(robot.clone()).or_default();
-        replies.push(reply);
-        heard.says(&robot, replies);
-    };
+    let each = |robot: Name, reply| heard.adds(&robot, reply);
     if let Err(error) = client.carry_out_by_all(id, Body::Stop {}, ALL_ANSWER_WITHIN, each).await {
         tracing::debug!("{error}");
     }
@@ -130,7 +125,7 @@ mod tests {
         let robot = FakeRobot::start(&client, "xtb-1").await;
         robot.lock().mute = true; // it does not answer the questions to itself
         let yes = || Reply::done(Uuid::nil(), Done::default());
-        let no = Reply::refused(Uuid::nil(), RejectCode::Overloaded, "no", "");
+        let no = Reply::refused(Uuid::nil(), RejectCode::Malformed, "no", "");
         for (replies, drives, expected) in [
             (vec![yes()], true, StopOutcome::Unconfirmed),
             (vec![yes()], false, StopOutcome::Stopped),
