@@ -5,8 +5,8 @@
 //! twice raw Zenoh's plus 7 ms. Setpoints are sent as clients send them, every 50 ms and more, in any phase of
 //! the 20 ms frame. The last line is the result as JSON; exit code 1 if a limit is missed.
 //!
-//! The speed of a setpoint is not measured: its pulse waits for an encoder window (docs/io-board.md), and the
-//! board takes new pulses at the end of its own period of 22.2 ms.
+//! The speed of a setpoint has no limit here: its pulse waits for an encoder window (docs/io-board.md). A tenth as
+//! many are measured, each from standing. The board takes new pulses at the end of its own period of 22.2 ms.
 
 use fleet_tests::{Pilot, Probe, agent_config, eventually, name};
 use robot_agent::clock::{Clock, WorldTime};
@@ -32,15 +32,20 @@ const P99_OVER_US: u64 = 7_000;
 /// Half of the time between two setpoints; the other half follows the raw put.
 const HALF: Duration = Duration::from_millis(25);
 const LOST_AFTER: Duration = Duration::from_secs(2);
+/// Of the setpoints whose speed is measured, in turns per minute, ahead and astern in turns.
+const SPEED_RPM: f64 = 30.0;
+/// So many setpoints of no speed come before each of them.
+const RESTS: u32 = 10;
 
 #[allow(clippy::print_stdout)]
 fn main() -> ExitCode {
     let samples = std::env::args().skip(1).find_map(|word| word.parse().ok()).unwrap_or(SAMPLES);
     let runtime = tokio::runtime::Runtime::new().expect("a runtime");
-    let (raw, teleop) = runtime.block_on(measure(samples));
+    let [raw, teleop, speed] = runtime.block_on(measure(samples));
     println!("                        samples      p50      p99      max");
     println!("{}", raw.row("raw put → callback    "));
     println!("{}", teleop.row("teleop put → PWM frame"));
+    println!("{}", speed.row("its speed → PWM frame "));
     let limits = [
         ("p50", teleop.at(0.5), raw.at(0.5) + P50_OVER_US),
         ("p99", teleop.at(0.99), 2 * raw.at(0.99) + P99_OVER_US),
@@ -50,7 +55,8 @@ fn main() -> ExitCode {
     }
     let kept = limits.map(|(_, us, limit_us)| us <= limit_us);
     let kept_by_name = json!({ "p50": kept[0], "p99": kept[1] });
-    println!("{}", json!({ "raw_us": raw.json(), "teleop_us": teleop.json(), "kept": kept_by_name }));
+    let (raw, teleop, speed) = (raw.json(), teleop.json(), speed.json());
+    println!("{}", json!({ "raw_us": raw, "teleop_us": teleop, "speed_us": speed, "kept": kept_by_name }));
     if kept == [true; 2] { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
@@ -94,14 +100,14 @@ async fn client(endpoint: &str) -> Bus {
     xtb_bus::open(&SessionRole::Client { connect: vec![endpoint.to_owned()] }).await.expect("a session")
 }
 
-async fn measure(samples: u64) -> (Took, Took) {
+async fn measure(samples: u64) -> [Took; 3] {
     let role = SessionRole::Router { listen: vec!["tcp/127.0.0.1:0".into()], connect: Vec::new() };
     let router = xtb_bus::open(&role).await.expect("a router");
     let endpoint = router.locators().await.remove(0);
     let bus = client(&endpoint).await;
     let raw_way = RawWay::open(&bus, client(&endpoint).await).await;
     let robot = Robot::start(&bus, &endpoint).await;
-    let (mut raw, mut teleop) = (Took::default(), Took::default());
+    let (mut raw, mut teleop, mut speed) = (Took::default(), Took::default(), Took::default());
     for n in 0..samples {
         tokio::time::sleep(HALF).await;
         raw.add(raw_way.took(n).await);
@@ -109,8 +115,11 @@ async fn measure(samples: u64) -> (Took, Took) {
         tokio::time::sleep(HALF + Duration::from_micros(n * 7919 % 20_000)).await;
         teleop.add(robot.took(n).await);
     }
+    for n in 0..samples.div_ceil(10) {
+        speed.add(robot.took_to_move(n).await);
+    }
     robot.end().await;
-    (raw.sorted(), teleop.sorted())
+    [raw, teleop, speed].map(Took::sorted)
 }
 
 /// Puts of the same message with the same quality of service, to a callback that does nothing.
@@ -200,9 +209,27 @@ impl Robot {
         let offset = 10 + (n % 900) as u16;
         let sent = Instant::now();
         self.pilot.setpoint(0.0, -f64::from(offset) / 975.0).await;
+        self.first_after(sent, |pulses| pulses.steer_front.get() == 3710 + offset)
+    }
+
+    async fn took_to_move(&self, n: u64) -> Option<Duration> {
+        for _ in 0..RESTS {
+            self.pilot.setpoint(0.0, 0.0).await;
+            tokio::time::sleep(2 * HALF).await;
+        }
+        // Any phase of the encoder's window of 53 ms.
+        tokio::time::sleep(Duration::from_micros(n * 7919 % 53_000)).await;
+        let standing = self.passed.try_iter().last()?.0.motor;
+        let sent = Instant::now();
+        self.pilot.setpoint(if n.is_multiple_of(2) { SPEED_RPM } else { -SPEED_RPM }, 0.0).await;
+        self.first_after(sent, |pulses| pulses.motor != standing)
+    }
+
+    /// How long after `sent` the first such frame passed.
+    fn first_after(&self, sent: Instant, is_it: impl Fn(&PwmOutputs) -> bool) -> Option<Duration> {
         loop {
             let (pulses, at) = self.passed.recv_timeout(LOST_AFTER.saturating_sub(sent.elapsed())).ok()?;
-            if pulses.steer_front.get() == 3710 + offset {
+            if is_it(&pulses) {
                 return Some(at - sent);
             }
         }
