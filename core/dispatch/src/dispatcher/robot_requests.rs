@@ -33,11 +33,14 @@ impl Dispatcher {
         let due = robot.pending.is_none() && now_ms >= robot.next_request_ms && settled;
         let purpose = if due { task_progress::next_purpose(ctx, task, robot) } else { None };
         let next = purpose.and_then(|purpose| Some((purpose, body(now_ms, purpose, task, ledger)?)));
-        let is_suspended = task.is_some_and(|task| ctx.suspension.cause(task).is_some());
+        let wanted = task.filter(|task| ctx.suspension.cause(task).is_none());
+        let wanted = wanted.and_then(|task| Some(task.assignment(ledger)?.assign_seq));
         let (id, keep) = (self.new_id(), self.new_id());
         let Some(robot) = self.robots.get_mut(name) else { return };
-        // What may have arrived is withdrawn when its task is queued again.
-        robot.pending.take_if(|pending| is_suspended && matches!(pending.purpose, RequestPurpose::Assign(_)));
+        // Of a task that is suspended or has left the robot; what may have arrived is withdrawn.
+        robot.pending.take_if(
+            |pending| matches!(pending.purpose, RequestPurpose::Assign(of) if Some(of.assign_seq) != wanted),
+        );
         if let Some((purpose, body)) = next {
             robot.begin_request(now_ms, id, purpose, body, &self.settings);
         }

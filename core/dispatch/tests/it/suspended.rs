@@ -1,10 +1,11 @@
 //! After an emergency stop of all robots nothing is assigned, until somebody activates the dispatcher.
 
 use crate::bench::{Bench, goto, name};
+use crate::model::me;
 use xtb_dispatch::{LedgerEntry, Record};
 use xtb_protocol::messages::{
-    Body, DispatchBody, DispatchCode, DispatchOutcome, OnTakeover, Suspension, SuspensionCause, TaskSpec,
-    TaskState, Who,
+    Body, DispatchBody, DispatchCode, DispatchOutcome, GoalStatus, OnTakeover, Suspension, SuspensionCause,
+    TaskSpec, TaskState, Who,
 };
 
 fn by(client: &str) -> SuspensionCause {
@@ -73,6 +74,28 @@ fn a_robot_that_the_stop_did_not_reach_is_told_to_let_go() {
 }
 
 #[test]
+fn a_drive_whose_task_has_left_its_robot_before_the_stop_is_not_asked_for_again() {
+    let mut bench = Bench::new(1);
+    bench.held_up = Some(Vec::new());
+    let id = bench.submit(goto(4.0, 0.0));
+    bench.run_ms(400);
+    // It begins, its answer is lost, and its own link-loss policy ends it.
+    let request = bench.held_up.iter().flatten().next().unwrap().clone();
+    bench.robots[0].request(bench.now_ms, &me(), &request).unwrap();
+    bench.run_ms(100);
+    assert_eq!(bench.state(id), TaskState::Running);
+    bench.robots[0].end(GoalStatus::Failed, Some("controlling client dispatch timed out"));
+    while bench.state(id) == TaskState::Running {
+        bench.run_ms(10);
+    }
+    assert_eq!(bench.robot_of(id), None);
+    stop_all(&mut bench);
+    let begun = bench.begun().len();
+    bench.run_ms(5000);
+    assert_eq!((bench.state(id), bench.begun().len()), (TaskState::Queued, begun));
+}
+
+#[test]
 fn an_assignment_that_is_on_its_way_when_the_fleet_is_stopped_is_not_asked_for_again() {
     let mut bench = Bench::new(1);
     bench.held_up = Some(Vec::new());
@@ -84,7 +107,7 @@ fn an_assignment_that_is_on_its_way_when_the_fleet_is_stopped_is_not_asked_for_a
     bench.run_ms(5000);
     assert_eq!((bench.begun().len(), bench.state(id)), (begun, TaskState::Queued));
     let late = bench.held_up.take().unwrap().pop().unwrap();
-    let reply = bench.robots[0].request(bench.now_ms, &crate::model::me(), &late);
+    let reply = bench.robots[0].request(bench.now_ms, &me(), &late);
     assert!(reply.is_some() && bench.robots[0].running().is_none(), "a late request begins it: {reply:?}");
 }
 
