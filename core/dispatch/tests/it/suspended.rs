@@ -85,10 +85,11 @@ fn a_drive_whose_task_has_left_its_robot_before_the_stop_is_not_asked_for_again(
     bench.run_ms(100);
     assert_eq!(bench.state(id), TaskState::Running);
     bench.robots[0].end(GoalStatus::Failed, Some("controlling client dispatch timed out"));
-    while bench.state(id) == TaskState::Running {
+    let leaves = (0..20).any(|_| {
         bench.run_ms(10);
-    }
-    assert_eq!(bench.robot_of(id), None);
+        bench.robot_of(id).is_none()
+    });
+    assert!(leaves);
     stop_all(&mut bench);
     let begun = bench.begun().len();
     bench.run_ms(5000);
