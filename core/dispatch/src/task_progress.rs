@@ -247,16 +247,20 @@ fn held(
 }
 
 /// Whether a task may leave a robot that is there only when that has confirmed: a request of ours may be
-/// on its way yet, unless the drive has begun and ended.
+/// on its way yet, unless the drive has begun and ended. A state says so only for its own boot, and may be
+/// from before the robot's last restart: then the robot may drive for the task again. Our lease is of the boot
+/// that has answered us.
 #[must_use]
 pub fn has_to_confirm(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, outcome: &TaskOutcome) -> bool {
     let leaves =
         matches!(outcome, TaskOutcome::Changed(TaskUpdate::Queued { .. } | TaskUpdate::Ended { .. }, _));
     let (Some(assigned), Some(observed)) = (&task.assigned, &robot.observed) else { return false };
     let goal = task.assignment(ctx.ledger).and_then(|assignment| observed.goal(assignment.goal_id()));
+    let has_answered = robot.operator.lease().is_some_and(|lease| lease.epoch == observed.epoch);
+    let is_over = has_answered && goal.is_some_and(|goal| goal.status.is_final());
     leaves
         && robot.is_online(ctx.now_ms, ctx.settings)
-        && !goal.is_some_and(|goal| goal.status.is_final())
+        && !is_over
         && !robot.has_released(assigned.seq)
         && !has_never_answered(ctx, assigned, robot)
 }

@@ -214,6 +214,31 @@ fn an_assignment_that_was_held_up_begins_nothing_once_its_task_has_left() {
 }
 
 #[test]
+fn a_state_from_before_a_robots_restart_that_comes_late_gives_its_drive_to_nobody_else() {
+    let mut bench = Bench::new(2);
+    let id = bench.submit(goto(1.2, 3.0));
+    bench.run_ms(500);
+    let seq = bench.begun()[0].0;
+    bench.robots[0].latch(bench.now_ms);
+    let late = bench.robots[0].state(bench.now_ms);
+    bench.robots[0].reboot();
+    bench.restart();
+    bench.run_ms(1000);
+    assert!(bench.robots[0].running().is_some() && bench.begun().iter().all(|of| of.0 == seq));
+    // And then nothing for a while.
+    bench.dispatcher.state(bench.now_ms, &late);
+    bench.cut[0] = true;
+    bench.run_ms(300);
+    bench.cut[0] = false;
+    for _ in 0..1000 {
+        bench.run_ms(10);
+        let driving = bench.robots.iter().filter(|robot| robot.running().is_some()).count();
+        assert!(driving < 2, "two robots drive for one task");
+    }
+    assert_eq!(bench.state(id), TaskState::Done);
+}
+
+#[test]
 fn a_robot_that_is_taken_over_holds_its_task_and_names_who_has_it() {
     for (policy, after) in [
         (OnTakeover::Fail, TaskState::Failed),
