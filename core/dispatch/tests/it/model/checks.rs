@@ -2,8 +2,9 @@
 
 use super::weather::Off;
 use super::{LEDGER, START_MS, World};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use xtb_dispatch::task_store::record::Record;
+use xtb_dispatch::transition::TaskUpdate;
 use xtb_dispatch::{Dispatcher, LedgerEntry};
 use xtb_protocol::messages::{Assignment, Body, Request, SuspensionCause, TaskId, TaskState};
 use xtb_protocol::{Name, Uuid};
@@ -67,6 +68,7 @@ impl World {
     fn check_suspensions(&self) -> Result<(), String> {
         let (mut stopped, mut map) = (false, None::<&str>);
         let mut of: BTreeMap<TaskId, Option<&str>> = BTreeMap::new();
+        let mut ended: BTreeSet<TaskId> = BTreeSet::new();
         for entry in &self.ledger {
             match &entry.record {
                 Record::Suspended { .. } => stopped = true,
@@ -76,7 +78,13 @@ impl World {
                     none.for_each(|task| *task = Some(name));
                     map = Some(name);
                 }
-                Record::Adopted { map, .. } => of.values_mut().for_each(|task| *task = Some(map)),
+                // What has ended stays of its map, also when it is retried.
+                Record::Adopted { map, .. } => {
+                    let open = of.iter_mut().filter(|(task, _)| !ended.contains(task));
+                    open.for_each(|(_, of)| *of = Some(map));
+                }
+                Record::Became { task, change: TaskUpdate::Ended { .. }, .. } => drop(ended.insert(*task)),
+                Record::Became { task, change: TaskUpdate::Queued { .. }, .. } => drop(ended.remove(task)),
                 Record::Submitted { task, .. } => drop(of.insert(*task, map)),
                 Record::Assigned { task, .. } => {
                     let own = of.get(task).copied().flatten();
