@@ -83,8 +83,11 @@ impl Dispatcher {
                 outcomes.push((id, outcome));
             }
         }
-        let queued = self.store.open().filter(|task| task.state == TaskState::Queued && task.last.is_some());
-        for task in queued.filter(|task| !self.writes.has_task(task.id)) {
+        // Also of one that was paused as it arrived: whoever resumes it would have it driven again.
+        let left = |task: &&Task| task.assigned.is_none() && task.last.is_some();
+        let waits = |task: &&Task| matches!(task.state, TaskState::Queued | TaskState::Paused);
+        let left = self.store.open().filter(|task| left(task) && waits(task));
+        for task in left.filter(|task| !self.writes.has_task(task.id)) {
             if self.was_reached(now_ms, ledger, task) {
                 outcomes.push((task.id, TaskOutcome::Reached));
             }

@@ -179,6 +179,26 @@ fn pause_stops_the_robot_and_resume_goes_on_at_the_same_leg() {
 }
 
 #[test]
+fn a_drive_that_was_reached_while_its_task_was_paused_is_not_driven_again() {
+    let mut bench = Bench::new(1);
+    let id = bench.submit(goto(2.0, 0.0));
+    bench.run_ms(500);
+    let arrives = (0..1000).any(|_| {
+        bench.run_ms(10);
+        bench.robots[0].running().is_none()
+    });
+    assert!(arrives && bench.state(id) == TaskState::Running, "its state does not show it yet");
+    bench.ask(DispatchBody::Pause { tasks: vec![id] });
+    bench.run_ms(200);
+    assert_eq!(bench.robot_of(id), None);
+    bench.robots[0].reboot(); // it knows of nothing any more
+    bench.run_ms(1000);
+    bench.ask(DispatchBody::Resume { tasks: vec![id] });
+    bench.run_ms(10_000);
+    assert_eq!((bench.state(id), bench.begun().len()), (TaskState::Done, 1));
+}
+
+#[test]
 fn a_wander_that_is_assigned_again_gets_the_time_that_is_left() {
     let mut bench = Bench::new(1);
     let id = bench.submit(TaskSpec::new(TaskKind::Wander { for_s: 60.0 }));
