@@ -22,7 +22,8 @@ fn main() -> ExitCode {
     let (mut tasks, mut drives, mut writes, mut crashes, mut breaches) = (0, 0, 0, 0, 0);
     let (mut done, mut failed, mut cancelled) = (0, 0, 0);
     for seed in first..first + seeds {
-        let worse = Weather { slow_ms: 6000, loss: 0.2, robots: 5, tasks: 20, ..Weather::STORM };
+        let worse =
+            Weather { slow_ms: 6000, loss: 0.2, robots: 5, tasks: 20, dwell_s: 0.0, ..Weather::STORM };
         let mut world = World::new(seed, if seed % 2 == 0 { Weather::STORM } else { worse });
         if let Err(breach) = world.run() {
             println!("seed {seed}: {breach}");

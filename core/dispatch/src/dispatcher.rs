@@ -205,7 +205,8 @@ impl Dispatcher {
     /// A robot's state.
     pub fn state(&mut self, now_ms: u64, state: &RobotState) {
         let me = self.identity.me.clone();
-        self.robot(now_ms, &state.robot).observe(now_ms, state, &me);
+        let settings = self.settings;
+        self.robot(now_ms, &state.robot).observe(now_ms, state, &me, &settings);
     }
 
     fn robot(&mut self, now_ms: u64, name: &Name) -> &mut TrackedRobot {

@@ -11,7 +11,7 @@ use crate::task::{Assigned, Task};
 use crate::tracked_robot::{ObservedState, RequestPurpose, StalledGoal, TrackedRobot};
 use crate::transition::{TaskEnding, TaskOutcome, TaskUpdate};
 use xtb_protocol::Name;
-use xtb_protocol::messages::texts::is_client_timeout;
+use xtb_protocol::messages::texts::{WITHDRAWN, is_client_timeout};
 use xtb_protocol::messages::{
     Assignment, GoalStatus, LinkLoss, NEXT_LEG, OnTakeover, RejectCode, TaskState, Who,
 };
@@ -67,6 +67,11 @@ pub fn outcome(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<TaskOu
                 .or_else(|| (!known && !still).then_some(TaskOutcome::Changed(TaskUpdate::Running, None)))
         }
         GoalStatus::Blocked => blocked(ctx, task, robot, goal.reason.as_deref()),
+        GoalStatus::Cancelled if goal.reason.as_deref() == Some(WITHDRAWN) => {
+            // By us, and what for was not written before this process ended.
+            let why = Some(format!("{}: {WITHDRAWN}", robot.name));
+            Some(TaskOutcome::Changed(TaskUpdate::Queued { not_before_ms: 0, failed: false }, why))
+        }
         GoalStatus::Cancelled | GoalStatus::Replaced => Some(ended_by_others(ctx, robot, observed)),
         GoalStatus::Failed | GoalStatus::Interrupted => {
             Some(failed(ctx, task, robot, goal.reason.as_deref()))
@@ -247,9 +252,9 @@ fn held(
 }
 
 /// Whether a task may leave a robot that is there only when that has confirmed: a request of ours may be
-/// on its way yet, unless the drive has begun and ended. A state says so only for its own boot, and may be
-/// from before the robot's last restart: then the robot may drive for the task again. Our lease is of the boot
-/// that has answered us.
+/// on its way yet, unless the drive has begun and ended, and there is no next one that it may have been asked
+/// for. A state says so only for its own boot, and may be from before the robot's last restart: then the robot
+/// may drive for the task again. Our lease is of the boot that has answered us.
 #[must_use]
 pub fn has_to_confirm(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, outcome: &TaskOutcome) -> bool {
     let leaves =
@@ -257,7 +262,8 @@ pub fn has_to_confirm(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, outcome: 
     let (Some(assigned), Some(observed)) = (&task.assigned, &robot.observed) else { return false };
     let goal = task.assignment(ctx.ledger).and_then(|assignment| observed.goal(assignment.goal_id()));
     let has_answered = robot.operator.lease().is_some_and(|lease| lease.epoch == observed.epoch);
-    let is_over = has_answered && goal.is_some_and(|goal| goal.status.is_final());
+    let is_last = task.next_leg(ctx.ledger, ctx.now_ms).is_none();
+    let is_over = has_answered && is_last && goal.is_some_and(|goal| goal.status.is_final());
     leaves
         && robot.is_online(ctx.now_ms, ctx.settings)
         && !is_over

@@ -112,7 +112,7 @@ pub struct TrackedRobot {
     pub unanswered: u32,
     /// The last assignment for which it was asked to drive, in this run of ours.
     pub asked_seq: Option<u64>,
-    /// Since when it is tracked, in this run of ours.
+    /// Since when its present boot is tracked, in this run of ours.
     pub tracked_since_ms: u64,
     /// Nothing is asked before this.
     pub next_request_ms: u64,
@@ -177,10 +177,15 @@ impl TrackedRobot {
         }
     }
 
-    /// Its state came. One that is older than the last of the same boot changes nothing.
-    pub fn observe(&mut self, now_ms: u64, state: &RobotState, me: &Name) {
+    /// Its state came. One that is older than the last of the same boot changes nothing, nor does one of another
+    /// boot before the last one is silent: it may be from before that, and come late.
+    pub fn observe(&mut self, now_ms: u64, state: &RobotState, me: &Name, settings: &DispatcherSettings) {
         let before = self.observed.as_ref();
-        if before.is_some_and(|observed| observed.epoch == state.epoch && observed.seq >= state.seq) {
+        let is_late = |observed: &ObservedState| match observed.epoch == state.epoch {
+            true => observed.seq >= state.seq,
+            false => self.silent_ms(now_ms) < settings.silent_ms,
+        };
+        if before.is_some_and(is_late) {
             return;
         }
         if before.is_none_or(|observed| observed.epoch != state.epoch) {
@@ -188,6 +193,7 @@ impl TrackedRobot {
             let had_one = self.pending.take().is_some();
             self.unanswered = self.unanswered.saturating_add(u32::from(had_one));
             self.operator = Operator::default();
+            self.tracked_since_ms = now_ms;
             (self.acked, self.withdrawn, self.next_request_ms) = (None, None, 0);
             self.next_leg_refused = None;
             self.incapable.clear();
@@ -297,8 +303,8 @@ impl TrackedRobot {
         had_one
     }
 
-    /// Whether it answers nothing, and can have heard of no drive for this assignment: this run has not asked for
-    /// one, what an earlier run asked for has arrived by now or never will, and its state shows none.
+    /// Whether it answers nothing, and can begin no drive for this assignment: this run has not asked for one,
+    /// what an earlier run asked for has arrived by now or never will, and its state shows none that is under way.
     #[must_use]
     pub fn has_never_answered(
         &self,
@@ -310,7 +316,7 @@ impl TrackedRobot {
         let mut goals = self.observed.iter().flat_map(|observed| observed.goals.iter());
         let drives = goals.any(|goal| {
             let of = Assignment::of_goal(ledger, goal.id);
-            of.is_some_and(|(other, _)| other == seq || !goal.status.is_final())
+            of.is_some() && !goal.status.is_final()
         });
         self.unanswered >= settings.most_unanswered
             && self.asked_seq != Some(seq)

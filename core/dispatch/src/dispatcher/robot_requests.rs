@@ -33,11 +33,13 @@ impl Dispatcher {
         let due = robot.pending.is_none() && now_ms >= robot.next_request_ms && settled;
         let purpose = if due { task_progress::next_purpose(ctx, task, robot) } else { None };
         let next = purpose.and_then(|purpose| Some((purpose, body(now_ms, purpose, task, ledger)?)));
-        let wanted = task.filter(|task| ctx.suspension.cause(task).is_none());
-        let wanted = wanted.and_then(|task| Some(task.assignment(ledger)?.assign_seq));
+        let drives = |task: &&Task| task.wants_to_drive() && ctx.suspension.cause(task).is_none();
+        let wanted = task.filter(drives).and_then(|task| Some(task.assignment(ledger)?.assign_seq));
+        let leaving = robot.pending_outcome.as_ref().map(|(seq, _)| *seq);
+        let wanted = wanted.filter(|seq| leaving != Some(*seq));
         let (id, keep) = (self.new_id(), self.new_id());
         let Some(robot) = self.robots.get_mut(name) else { return };
-        // Of a task that is suspended or has left the robot; what may have arrived is withdrawn.
+        // Of a task that is to rest, or leaves the robot, or has left it; what may have arrived is withdrawn.
         robot.pending.take_if(
             |pending| matches!(pending.purpose, RequestPurpose::Assign(of) if Some(of.assign_seq) != wanted),
         );

@@ -44,6 +44,8 @@ impl Dispatcher {
                 records
             }
         };
+        // An answer may come before the next step: an assignment stands behind the map that it is for.
+        self.write_suspension(now_ms);
         self.writes.push(now_ms, records, OnWritten::Nothing);
     }
 

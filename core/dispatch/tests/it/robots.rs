@@ -1,6 +1,7 @@
 //! Robots of the model: the agent's rules of lease, assignment and goal, without wheels.
 
 use xtb_control::{Mode, Stamp};
+use xtb_protocol::messages::texts::WITHDRAWN;
 use xtb_protocol::messages::{
     Assignment, BatteryLevel, Body, Done, GoalEnd, GoalKind, GoalState, GoalStatus, InputAges, Latch,
     LatchState, LinkLoss, NavState, ObstacleView, PoseSource, PoseState, RejectCode, Rejected, Reply,
@@ -230,7 +231,7 @@ impl FakeRobot {
                 }
                 let of = self.running().and_then(|goal| Assignment::of_goal(*ledger, goal.id));
                 if of.is_some_and(|(seq, _)| seq <= *assign_seq) {
-                    self.end(GoalStatus::Cancelled, Some("withdrawn"));
+                    self.end(GoalStatus::Cancelled, Some(WITHDRAWN));
                 }
                 Ok(Done::default())
             }

@@ -3,7 +3,8 @@
 use crate::bench::{Bench, goto, name, point};
 use crate::model::me;
 use xtb_protocol::messages::{
-    Body, DispatchBody, DispatchCode, OnTakeover, TaskId, TaskKind, TaskSpec, TaskState, TaskStep, Who,
+    Body, DispatchBody, DispatchCode, GoalStatus, OnTakeover, TaskId, TaskKind, TaskSpec, TaskState,
+    TaskStep, Who,
 };
 
 #[test]
@@ -213,28 +214,79 @@ fn an_assignment_that_was_held_up_begins_nothing_once_its_task_has_left() {
     assert!(bench.asks.iter().any(|(_, body)| matches!(body, Body::Withdraw { .. })));
 }
 
-#[test]
-fn a_state_from_before_a_robots_restart_that_comes_late_gives_its_drive_to_nobody_else() {
-    let mut bench = Bench::new(2);
-    let id = bench.submit(goto(1.2, 3.0));
-    bench.run_ms(500);
-    let seq = bench.begun()[0].0;
-    bench.robots[0].latch(bench.now_ms);
-    let late = bench.robots[0].state(bench.now_ms);
-    bench.robots[0].reboot();
-    bench.restart();
-    bench.run_ms(1000);
-    assert!(bench.robots[0].running().is_some() && bench.begun().iter().all(|of| of.0 == seq));
-    // And then nothing for a while.
-    bench.dispatcher.state(bench.now_ms, &late);
-    bench.cut[0] = true;
-    bench.run_ms(300);
-    bench.cut[0] = false;
-    for _ in 0..1000 {
+/// Whatever comes, at most one robot drives, until the task is done.
+fn one_drives_until_done(bench: &mut Bench, id: TaskId) {
+    for _ in 0..2000 {
         bench.run_ms(10);
         let driving = bench.robots.iter().filter(|robot| robot.running().is_some()).count();
         assert!(driving < 2, "two robots drive for one task");
     }
+    assert_eq!(bench.state(id), TaskState::Done);
+}
+
+#[test]
+fn a_state_from_before_a_robots_restart_that_comes_late_gives_its_drive_to_nobody_else() {
+    for heard_before in [false, true] {
+        let mut bench = Bench::new(2);
+        let id = bench.submit(goto(1.2, 3.0));
+        bench.run_ms(500);
+        let seq = bench.begun()[0].0;
+        bench.robots[0].latch(bench.now_ms);
+        let late = bench.robots[0].state(bench.now_ms);
+        bench.robots[0].reboot();
+        bench.run_ms(3000);
+        assert!(bench.robots[0].running().is_some() && bench.begun().iter().all(|of| of.0 == seq));
+        bench.restart();
+        if heard_before {
+            bench.run_ms(100);
+        }
+        // And then nothing for a while.
+        bench.dispatcher.state(bench.now_ms, &late);
+        bench.cut[0] = true;
+        bench.run_ms(300);
+        bench.cut[0] = false;
+        one_drives_until_done(&mut bench, id);
+    }
+}
+
+#[test]
+fn a_next_leg_that_was_held_up_begins_nothing_once_its_task_has_left() {
+    let mut bench = Bench::new(2);
+    bench.passes(0);
+    bench.held_up = Some(Vec::new());
+    let points = vec![point(1.2, 1.0), point(1.2, 3.0)];
+    let id = bench.submit(TaskSpec::new(TaskKind::Route { points, loops: 1, dwell_s: 0.0 }));
+    bench.run_ms(300);
+    // The first leg arrives, the next one does not.
+    let first = bench.held_up.replace(Vec::new()).unwrap().remove(0);
+    let reply = bench.robots[0].request(bench.now_ms, &me(), &first).unwrap();
+    bench.dispatcher.replied(bench.now_ms, &name("xtb-1"), &reply);
+    bench.run_ms(300);
+    assert!(bench.begun().iter().any(|(_, leg)| *leg == 1));
+    let held_up = bench.held_up.take().unwrap();
+    bench.robots[0].latch(bench.now_ms);
+    bench.run_ms(200);
+    assert_ne!(bench.robot_of(id), Some(0));
+    bench.robots[0].latched = None;
+    for late in held_up {
+        bench.robots[0].request(bench.now_ms, &me(), &late);
+    }
+    one_drives_until_done(&mut bench, id);
+}
+
+#[test]
+fn a_drive_that_was_withdrawn_before_the_dispatcher_ended_is_nobodys_stop() {
+    let mut bench = Bench::new(2);
+    let id = bench.submit(TaskSpec { on_takeover: OnTakeover::Fail, ..goto(1.2, 3.0) });
+    bench.run_ms(500);
+    bench.robots[0].obstruct(bench.now_ms, bench.now_ms + 120_000);
+    let withdrawn = (0..10_000).any(|_| {
+        bench.run_ms(10);
+        bench.asks.iter().any(|(_, body)| matches!(body, Body::Withdraw { .. }))
+    });
+    assert!(withdrawn);
+    bench.restart();
+    bench.run_ms(120_000);
     assert_eq!(bench.state(id), TaskState::Done);
 }
 
@@ -337,4 +389,17 @@ fn a_robot_that_was_asked_to_drive_keeps_its_task_until_it_confirms_though_it_an
     assert_eq!(bench.held_up.as_ref().map(|requests| requests.is_empty()), Some(false));
     run_deaf_ms(&mut bench, 0, 20_000);
     assert_eq!((bench.state(id), bench.robot_of(id)), (TaskState::Assigned, Some(0)));
+}
+
+#[test]
+fn a_drive_that_ends_by_itself_leaves_a_robot_that_answers_a_new_dispatcher_nothing() {
+    let mut bench = Bench::new(2);
+    let id = bench.submit(goto(1.0, 3.0));
+    bench.run_ms(500);
+    bench.restart();
+    bench.robots[0].end(GoalStatus::Failed, Some("controlling client dispatch timed out"));
+    run_deaf_ms(&mut bench, 0, 5_000);
+    assert_eq!(bench.robot_of(id), Some(0), "what the dispatcher before has asked for may be on its way");
+    run_deaf_ms(&mut bench, 0, 25_000);
+    assert_eq!(bench.state(id), TaskState::Done);
 }

@@ -231,6 +231,9 @@ pub fn client_timeout(by: &Name) -> String {
     format!("controlling client {by} timed out")
 }
 
+/// Why a goal has ended whose assignment was withdrawn.
+pub const WITHDRAWN: &str = "assignment withdrawn";
+
 /// Whether a goal's reason says that its client was not heard in time, in these words or in those of robots
 /// with an older program.
 #[must_use]

@@ -7,7 +7,7 @@ use crate::authority::goal::{Goal, Target, TimeLimit};
 use crate::authority::guard::Guard;
 use xtb_control::{Command, Outputs, Stamp};
 use xtb_nav::navigator::TargetPose;
-use xtb_protocol::messages::texts::client_timeout;
+use xtb_protocol::messages::texts::{WITHDRAWN, client_timeout};
 use xtb_protocol::messages::{
     Assignment, Done, EventKind, GoalEnd, GoalStatus, LinkLoss, StopReason, TaskAction, Via,
 };
@@ -163,7 +163,7 @@ impl Agent {
         let seq = runs.and_then(|goal| Assignment::of_goal(ledger, goal.id)).map(|(seq, _)| seq);
         if seq.is_some_and(|seq| seq <= assign_seq) {
             self.commanded_by = self.commanded_by.max(arrival);
-            self.stand(now, StopReason::Cancelled, GoalStatus::Cancelled, Some("assignment withdrawn"));
+            self.stand(now, StopReason::Cancelled, GoalStatus::Cancelled, Some(WITHDRAWN));
         }
     }
 

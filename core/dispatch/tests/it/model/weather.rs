@@ -51,6 +51,8 @@ pub(crate) struct Weather {
     pub(crate) cancels: bool,
     /// Routes are driven once, and people add points to them.
     pub(crate) extensions: bool,
+    /// How long routes stand at their points, in s; 0 = they pass them.
+    pub(crate) dwell_s: f64,
 }
 
 impl Weather {
@@ -73,6 +75,7 @@ impl Weather {
         obstacles: 0.0,
         cancels: false,
         extensions: false,
+        dwell_s: 0.2,
     };
     pub(crate) const STORM: Self = Self {
         loss: 0.05,
@@ -106,7 +109,7 @@ pub(super) fn spec(draw: &mut Draw, weather: Weather) -> TaskSpec {
         0..=2 => TaskKind::Goto { to: point(draw) },
         3 => {
             let loops = if weather.extensions { 1 } else { 2 };
-            TaskKind::Route { points: (0..3).map(|_| point(draw)).collect(), loops, dwell_s: 0.2 }
+            TaskKind::Route { points: (0..3).map(|_| point(draw)).collect(), loops, dwell_s: weather.dwell_s }
         }
         4 => TaskKind::Patrol {
             points: (0..2).map(|_| point(draw)).collect(),
