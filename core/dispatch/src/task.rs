@@ -364,7 +364,9 @@ impl Task {
             self.steps.remove(1);
             self.left_out += 1;
         }
-        let robot = self.assigned.as_ref().map(|assigned| assigned.robot.clone());
+        // What is done without a robot was reached by the last one, which was back later.
+        let last = self.last.as_ref().filter(|_| self.state == TaskState::Done);
+        let robot = self.assigned.as_ref().or(last).map(|assigned| assigned.robot.clone());
         self.steps.push_back(TaskStep { at_ms, state: self.state, robot, legs_done: self.legs_done, reason });
     }
 

@@ -196,6 +196,7 @@ fn a_drive_that_was_reached_while_its_task_was_paused_is_not_driven_again() {
     bench.ask(DispatchBody::Resume { tasks: vec![id] });
     bench.run_ms(10_000);
     assert_eq!((bench.state(id), bench.begun().len()), (TaskState::Done, 1));
+    assert_eq!(bench.dispatcher.history(id).unwrap().task.robot, Some(name("xtb-1")));
 }
 
 #[test]
