@@ -11,7 +11,7 @@ use crate::task::{Assigned, Task};
 use crate::tracked_robot::{ObservedState, RequestPurpose, StalledGoal, TrackedRobot};
 use crate::transition::{TaskEnding, TaskOutcome, TaskUpdate};
 use xtb_protocol::Name;
-use xtb_protocol::messages::texts::{WITHDRAWN, is_client_timeout};
+use xtb_protocol::messages::texts::{is_client_timeout, is_withdrawn};
 use xtb_protocol::messages::{
     Assignment, GoalStatus, LinkLoss, NEXT_LEG, OnTakeover, RejectCode, TaskState, Who,
 };
@@ -67,10 +67,10 @@ pub fn outcome(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<TaskOu
                 .or_else(|| (!known && !still).then_some(TaskOutcome::Changed(TaskUpdate::Running, None)))
         }
         GoalStatus::Blocked => blocked(ctx, task, robot, goal.reason.as_deref()),
-        GoalStatus::Cancelled if goal.reason.as_deref() == Some(WITHDRAWN) => {
-            // By us, and what for was not written before this process ended.
-            let why = Some(format!("{}: {WITHDRAWN}", robot.name));
-            Some(TaskOutcome::Changed(TaskUpdate::Queued { not_before_ms: 0, failed: false }, why))
+        // By us, and what for was not written before this process ended.
+        GoalStatus::Cancelled if goal.reason.as_deref().is_some_and(is_withdrawn) => {
+            let reason = goal.reason.as_deref().unwrap_or_default();
+            Some(TaskOutcome::queued(ctx.now_ms, format!("{}: {reason}", robot.name)))
         }
         GoalStatus::Cancelled | GoalStatus::Replaced => Some(ended_by_others(ctx, robot, observed)),
         GoalStatus::Failed | GoalStatus::Interrupted => {
@@ -262,13 +262,20 @@ pub fn has_to_confirm(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot, outcome: 
     let (Some(assigned), Some(observed)) = (&task.assigned, &robot.observed) else { return false };
     let goal = task.assignment(ctx.ledger).and_then(|assignment| observed.goal(assignment.goal_id()));
     let has_answered = robot.operator.lease().is_some_and(|lease| lease.epoch == observed.epoch);
-    let is_last = task.next_leg(ctx.ledger, ctx.now_ms).is_none();
-    let is_over = has_answered && is_last && goal.is_some_and(|goal| goal.status.is_final());
+    let is_over = has_answered
+        && !may_begin_next_leg(ctx, task, robot)
+        && goal.is_some_and(|goal| goal.status.is_final());
     leaves
         && robot.is_online(ctx.now_ms, ctx.settings)
         && !is_over
         && !robot.has_released(assigned.seq)
         && !has_never_answered(ctx, assigned, robot)
+}
+
+/// Whether a robot may have been asked for the leg after the present one, and not have got the request yet.
+fn may_begin_next_leg(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> bool {
+    let Some(leg) = task.next_leg(ctx.ledger, ctx.now_ms) else { return false };
+    robot.capabilities.as_ref().is_none_or(|all| all.contains(NEXT_LEG)) && !robot.has_answered_for(&leg)
 }
 
 /// Whether its robot answers nothing and cannot have begun to drive for it.
@@ -339,8 +346,9 @@ pub fn next_purpose(ctx: Ctx<'_>, task: Option<&Task>, robot: &TrackedRobot) -> 
     if ctx.suspension.cause(task).is_some() {
         return None; // outcome() queues it again
     }
-    if robot.lease(ctx.me).is_none() {
-        return Some(RequestPurpose::Acquire);
+    let Some(lease) = robot.lease(ctx.me) else { return Some(RequestPurpose::Acquire) };
+    if lease.epoch != observed.epoch {
+        return None; // what it shows is from before its restart
     }
     let present = observed.goal(assignment.goal_id());
     if present.is_some_and(|goal| goal.status == GoalStatus::Running && goal.is_planned) {
@@ -356,8 +364,7 @@ pub fn next_purpose(ctx: Ctx<'_>, task: Option<&Task>, robot: &TrackedRobot) -> 
 fn next_leg(ctx: Ctx<'_>, task: &Task, robot: &TrackedRobot) -> Option<Assignment> {
     let passes = robot.capabilities.as_ref().is_some_and(|all| all.contains(NEXT_LEG));
     let leg = task.next_leg(ctx.ledger, ctx.now_ms).filter(|_| passes && !ctx.map_due)?;
-    let known = robot.has_acknowledged(&leg) || robot.next_leg_refused == Some((leg.assign_seq, leg.leg));
-    (!known).then_some(leg)
+    (!robot.has_answered_for(&leg)).then_some(leg)
 }
 
 /// The number of an assignment that the robot may drive for and that nobody wants.

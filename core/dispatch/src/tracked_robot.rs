@@ -112,8 +112,10 @@ pub struct TrackedRobot {
     pub unanswered: u32,
     /// The last assignment for which it was asked to drive, in this run of ours.
     pub asked_seq: Option<u64>,
-    /// Since when its present boot is tracked, in this run of ours.
+    /// Since when it is tracked, in this run of ours.
     pub tracked_since_ms: u64,
+    /// Since when its states are of the present boot, in this run of ours.
+    pub boot_since_ms: u64,
     /// Nothing is asked before this.
     pub next_request_ms: u64,
     /// No task for it before this, and why.
@@ -161,6 +163,7 @@ impl TrackedRobot {
             unanswered: 0,
             asked_seq: None,
             tracked_since_ms: now_ms,
+            boot_since_ms: now_ms,
             next_request_ms: 0,
             avoid_until: None,
             incapable: BTreeMap::new(),
@@ -193,7 +196,7 @@ impl TrackedRobot {
             let had_one = self.pending.take().is_some();
             self.unanswered = self.unanswered.saturating_add(u32::from(had_one));
             self.operator = Operator::default();
-            self.tracked_since_ms = now_ms;
+            self.boot_since_ms = now_ms;
             (self.acked, self.withdrawn, self.next_request_ms) = (None, None, 0);
             self.next_leg_refused = None;
             self.incapable.clear();
@@ -223,6 +226,12 @@ impl TrackedRobot {
     #[must_use]
     pub fn has_acknowledged(&self, of: &Assignment) -> bool {
         self.acked.is_some_and(|(seq, leg, _)| (seq, leg) == (of.assign_seq, of.leg))
+    }
+
+    /// Whether it has acknowledged or refused this leg after the present one, in this boot.
+    #[must_use]
+    pub fn has_answered_for(&self, next: &Assignment) -> bool {
+        self.has_acknowledged(next) || self.next_leg_refused == Some((next.assign_seq, next.leg))
     }
 
     /// How long it has been silent, in ms.
@@ -321,6 +330,8 @@ impl TrackedRobot {
         self.unanswered >= settings.most_unanswered
             && self.asked_seq != Some(seq)
             && now_ms.saturating_sub(self.tracked_since_ms) >= settings.halted_ms
+            // A late state of another boot would have been followed by one of the present boot.
+            && now_ms.saturating_sub(self.boot_since_ms) >= 2 * settings.silent_ms
             && !drives
     }
 

@@ -234,6 +234,12 @@ pub fn client_timeout(by: &Name) -> String {
 /// Why a goal has ended whose assignment was withdrawn.
 pub const WITHDRAWN: &str = "assignment withdrawn";
 
+/// Whether a goal's reason says that, in these words or in those of robots with an older program.
+#[must_use]
+pub fn is_withdrawn(reason: &str) -> bool {
+    reason == WITHDRAWN || reason == "its assignment was withdrawn"
+}
+
 /// Whether a goal's reason says that its client was not heard in time, in these words or in those of robots
 /// with an older program.
 #[must_use]
