@@ -244,6 +244,15 @@ impl FakeRobot {
                     Ok(Known::Already) => return Ok(Done { lease: None, goal: Some(assignment.goal_id()) }),
                     Err((code, message, _)) => return Err((code, message)),
                 }
+                let before = Assignment { leg: assignment.leg.wrapping_sub(1), ..*assignment }.goal_id();
+                let present = self.goal.iter().map(|goal| (goal.id, goal.status));
+                let mut goals = present.chain(self.ended.iter().map(|end| (end.id, end.status)));
+                let missed = |(id, status): (Uuid, GoalStatus)| {
+                    id == before && status.is_final() && status != GoalStatus::Reached
+                };
+                if !self.unfenced && goals.any(missed) {
+                    return Err((RejectCode::UnknownGoal, "the leg before was not reached".into()));
+                }
                 if self.battery_level >= BatteryLevel::Finish {
                     return Err((RejectCode::BatteryLow, "battery too low to start a command".into()));
                 }
@@ -267,11 +276,8 @@ impl FakeRobot {
                     finish_ms,
                     doomed: to.is_some_and(|to| self.doomed.contains(&to)),
                 };
-                let before = Assignment { leg: assignment.leg.wrapping_sub(1), ..*assignment };
                 match self.running() {
-                    Some(present)
-                        if present.by == *client && present.id == before.goal_id() && to.is_some() =>
-                    {
+                    Some(present) if present.by == *client && present.id == before && to.is_some() => {
                         self.next_leg = Some(goal);
                     }
                     _ => self.begin(goal),

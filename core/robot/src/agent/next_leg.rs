@@ -6,12 +6,15 @@
 //! then.
 
 use super::goals::finish_limit;
-use super::requests::Outcome;
+use super::requests::{Outcome, Refusal};
 use super::{Agent, Arrival, TurnView};
+use crate::authority::assignments::ASSIGN_AGAIN;
 use crate::authority::goal::{Goal, Target};
 use xtb_control::Stamp;
 use xtb_nav::navigator::TargetPose;
-use xtb_protocol::messages::{Assignment, Done, EventKind, GoalStatus, LinkLoss, TaskAction, Via};
+use xtb_protocol::messages::{
+    Assignment, Done, EventKind, GoalStatus, LinkLoss, RejectCode, TaskAction, Via,
+};
 use xtb_protocol::{Name, Uuid};
 
 /// A planned goal that has been accepted and waits for the one before.
@@ -24,6 +27,22 @@ pub(super) struct NextLeg {
 }
 
 impl Agent {
+    /// Refuses a leg if the one before has ended and was not reached: the request for it was held up.
+    pub(super) fn check_leg_before(&self, assignment: &Assignment) -> Result<(), Refusal> {
+        let Some(leg) = assignment.leg.checked_sub(1) else { return Ok(()) };
+        let before = Assignment { leg, ..*assignment }.goal_id();
+        let present = self.goal.iter().map(|goal| (goal.id, goal.status));
+        let mut goals = present.chain(self.ended.iter().map(|end| (end.id, end.status)));
+        let missed = |(id, status): (Uuid, GoalStatus)| {
+            id == before && status.is_final() && status != GoalStatus::Reached
+        };
+        if goals.any(missed) {
+            let message = format!("leg {leg} of assignment {} was not reached", assignment.assign_seq);
+            return Err((RejectCode::UnknownGoal, message, ASSIGN_AGAIN));
+        }
+        Ok(())
+    }
+
     /// Where the next leg of the assignment of this client that is under way leads, if this is that: both along
     /// planned paths.
     pub(super) fn next_aim(

@@ -9,7 +9,7 @@
 //! | `cancel` | present | yes | ends that goal |
 //! | `set_pose` | present | yes | the pose, while nothing is under way |
 //! | `reset` | present | yes | clears latches whose cause is gone; moves nothing |
-//! | `assign` | present | no | as `goto` or `wander`, unless a later assignment came first; the next leg of the one under way waits for it |
+//! | `assign` | present | no | as `goto` or `wander`, unless a later assignment came first, or the leg before was not reached; the next leg of the one under way waits for it |
 //! | `withdraw` | none | yes | ends the client's own assignment, and fences it |
 //! | `stop` | none | yes | ends everything of the network |
 
@@ -93,6 +93,7 @@ impl Agent {
                 if self.assigned.check(assignment, self.ends())? == Known::Already {
                     return Ok(Done { lease: None, goal: Some(assignment.goal_id()) });
                 }
+                self.check_leg_before(assignment)?;
                 let patience = (*on_link_loss, *finish_s);
                 let goal = (client, assignment.goal_id());
                 let done = match self.next_aim(client, assignment, errand) {

@@ -27,7 +27,8 @@ struct Newest {
     order: (u64, u32),
 }
 
-const ASSIGN_AGAIN: &str = "assign it again, with a higher number";
+/// What to do about a number that is used up.
+pub(crate) const ASSIGN_AGAIN: &str = "assign it again, with a higher number";
 
 /// What an assignment is to the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

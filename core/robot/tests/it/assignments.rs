@@ -112,6 +112,18 @@ fn what_ends_the_leg_under_way_ends_the_next_one_before_it_has_begun() {
 }
 
 #[test]
+fn a_leg_whose_request_was_held_up_until_the_one_before_had_failed_does_not_begin() {
+    let mut bench = Bench::new();
+    bench.ask(assign(5, 0, 5.0));
+    bench.run_ms(100);
+    bench.ask(Body::Stop {});
+    bench.run_ms(100);
+    assert_eq!(bench.state().goal.unwrap().status, GoalStatus::Cancelled);
+    assert_eq!(code_of(&bench.ask(assign(5, 1, 4.0))), RejectCode::UnknownGoal);
+    assert_eq!(goal_of(&bench.ask(assign(6, 1, 4.0))), assignment(6, 1).goal_id());
+}
+
+#[test]
 fn the_order_outlives_the_lease_and_other_goals() {
     let mut bench = Bench::new();
     bench.ask(assign(5, 0, 5.0));
