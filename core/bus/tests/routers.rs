@@ -2,7 +2,11 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on shall end
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Notify;
 use xtb_bus::{Bus, Question, Service, SessionRole};
 use xtb_protocol::Name;
 use xtb_protocol::codec::Format;
@@ -13,6 +17,8 @@ const PATIENCE: Duration = Duration::from_secs(20);
 const WITHIN: Duration = Duration::from_secs(2);
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 const ANYWHERE: &str = "tcp/127.0.0.1:0";
+/// Of a cable: whether the link is there again before the router has computed its routes differs from time to time.
+const CUTS: usize = 5;
 
 async fn router(listen: &str, connect: &[String]) -> Bus {
     let role = SessionRole::Router { listen: vec![listen.to_owned()], connect: connect.to_vec() };
@@ -100,6 +106,68 @@ async fn a_queryable_that_another_router_had_too_is_known_to_a_router_that_links
     eventually("it alone", async || asks(&first).await == ["xtb-2"]).await;
     let third = router(ANYWHERE, &second.locators().await).await;
     eventually("its answer through a new link", async || asks(&third).await == ["xtb-2"]).await;
+}
+
+/// A router computes its routes at most every 100 ms. A link that was lost and opened again meanwhile, because another
+/// one was lost just before, is a new link all the same: nothing was told over it.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_link_that_is_back_before_the_routes_are_computed_is_told_everything() {
+    let first = router(ANYWHERE, &[]).await;
+    let [cable, other] = [Cable::to(&first).await, Cable::to(&first).await];
+    let second = router(ANYWHERE, std::slice::from_ref(&cable.endpoint)).await;
+    let _third = router(ANYWHERE, std::slice::from_ref(&other.endpoint)).await;
+    let robot = client(&first.locators().await).await;
+    let _token = robot.declare_alive(&presence()).await.unwrap();
+    let asker = client(&second.locators().await).await;
+    let is_linked = async || first.linked_routers().await == 2 && second.linked_routers().await == 1;
+    let is_seen = async || asker.alive(&presence(), WITHIN).await.unwrap() == [presence()];
+    for _ in 0..CUTS {
+        eventually("the links", is_linked).await;
+        eventually("its presence", is_seen).await;
+        other.pull_out_and_in().await;
+        cable.pull_out_and_in().await;
+    }
+    eventually("the links", is_linked).await;
+    eventually("its presence", is_seen).await;
+}
+
+/// A way to a router. When it is pulled out, both ends of the connection know at once.
+struct Cable {
+    endpoint: String,
+    opened: Arc<AtomicUsize>,
+    pulled_out: Arc<Notify>,
+}
+
+impl Cable {
+    async fn to(router: &Bus) -> Self {
+        let locator = router.locators().await.remove(0);
+        let address = locator.trim_start_matches("tcp/").to_owned();
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
+        let cable = Self { endpoint, opened: Arc::default(), pulled_out: Arc::default() };
+        let (opened, pulled_out) = (cable.opened.clone(), cable.pulled_out.clone());
+        tokio::spawn(async move {
+            while let Ok((mut near, _)) = listener.accept().await {
+                let mut far = TcpStream::connect(&address).await.unwrap();
+                opened.fetch_add(1, Ordering::Relaxed);
+                let pulled_out = pulled_out.clone();
+                tokio::spawn(async move {
+                    tokio::select! {
+                        _ = tokio::io::copy_bidirectional(&mut near, &mut far) => {}
+                        () = pulled_out.notified() => {}
+                    }
+                });
+            }
+        });
+        cable
+    }
+
+    /// Waits until the next connection is there.
+    async fn pull_out_and_in(&self) {
+        let before = self.opened.load(Ordering::Relaxed);
+        self.pulled_out.notify_waiters();
+        eventually("another connection", async || self.opened.load(Ordering::Relaxed) > before).await;
+    }
 }
 
 /// Answers with a roster of this robot.

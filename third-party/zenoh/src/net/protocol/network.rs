@@ -146,6 +146,9 @@ pub(crate) struct Network {
     pub(crate) graph: petgraph::stable_graph::StableUnGraph<Node, f64>,
     pub(crate) runtime: WeakRuntime,
     pub(crate) link_weights: HashMap<ZenohIdProto, LinkEdgeWeight>,
+    /// Neighbours whose link is newer than the trees: nothing was declared to them over it, so they count as new
+    /// children, even if they were children of the same trees over the link before.
+    new_neighbours: HashSet<NodeIndex>,
 }
 
 impl Network {
@@ -191,6 +194,7 @@ impl Network {
             graph,
             runtime: Runtime::downgrade(&runtime),
             link_weights,
+            new_neighbours: HashSet::new(),
         }
     }
 
@@ -871,6 +875,7 @@ impl Network {
                 }
             };
 
+            self.new_neighbours.insert(idx);
             let link_weight = self.get_default_link_weight_to(&zid);
             self.graph[self.idx].links.insert(zid, link_weight);
             self.graph[self.idx].sn += 1;
@@ -1136,6 +1141,7 @@ impl Network {
             }
         }
 
+        let new_neighbours = std::mem::take(&mut self.new_neighbours);
         let mut new_children = Vec::with_capacity(self.trees.len());
         new_children.resize(self.trees.len(), vec![]);
 
@@ -1144,7 +1150,7 @@ impl Network {
                 self.trees[i]
                     .children
                     .iter()
-                    .filter(|idx| !old_children[i].contains(idx))
+                    .filter(|idx| !old_children[i].contains(idx) || new_neighbours.contains(idx))
                     .cloned()
                     .collect()
             } else {
